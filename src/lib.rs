@@ -1,0 +1,12 @@
+//! Registration-based tracking, decomposed into search method x appearance model x state space model, and its
+//! evaluation on image sequences with ground truth.
+#![deny(missing_docs)]
+
+pub mod dataset;
+pub mod eval;
+pub mod geom;
+pub mod image;
+pub mod kernels;
+pub mod output;
+pub mod synth;
+pub mod tracker;

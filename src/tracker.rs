@@ -1,0 +1,121 @@
+//! What every tracker is, single-layer or composite: the trait, its result and its failures.
+
+use crate::geom::Corners;
+use crate::image::Frame;
+
+/// Why a frame's search ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// The corners moved less than epsilon.
+    Converged,
+    /// The iteration limit was reached.
+    MaxIterations,
+    /// The search has no iterations to count (sampling methods, composites).
+    Done,
+}
+
+/// Result of one frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Update {
+    /// Tracked corners in image pixels.
+    pub corners: Corners,
+    /// Why the search ended.
+    pub stop: Stop,
+    /// Iterations used.
+    pub iterations: u32,
+    /// Similarity `f` of the appearance model at the last evaluated location (larger is better).
+    pub similarity: f64,
+}
+
+/// Why a tracker could not track a frame (or start). The tracker keeps its last valid state and may try again.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum TrackError {
+    /// `update` before `init`.
+    #[error("not initialised")]
+    NotInitialised,
+    /// The region given to `init` or `set_region` cannot be tracked.
+    #[error("bad region: {0}")]
+    BadRegion(&'static str),
+    /// The template has nothing to track (flat or non-finite patch).
+    #[error("degenerate template: {0}")]
+    Template(&'static str),
+    /// The warped region is not a convex quadrilateral of sensible size.
+    #[error("degenerate warp: {0}")]
+    Degenerate(&'static str),
+    /// More than 90 % of the samples fall outside the image.
+    #[error("outside the image")]
+    Outside,
+    /// The normal equations have no finite solution.
+    #[error("singular system")]
+    Singular,
+    /// A number is not finite.
+    #[error("not finite: {0}")]
+    NotFinite(&'static str),
+}
+
+impl TrackError {
+    /// One word for the status column of frame logs.
+    pub fn word(&self) -> &'static str {
+        match self {
+            TrackError::NotInitialised => "uninitialised",
+            TrackError::BadRegion(_) => "bad_region",
+            TrackError::Template(_) => "bad_template",
+            TrackError::Degenerate(_) => "degenerate",
+            TrackError::Outside => "outside",
+            TrackError::Singular => "singular",
+            TrackError::NotFinite(_) => "not_finite",
+        }
+    }
+}
+
+/// A tracker of one planar object. Object safe; composites implement it over other trackers.
+pub trait Tracker: Send {
+    /// Starts on `frame` with the object at `corners` (UL UR LR LL, px).
+    fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError>;
+
+    /// Finds the object in the next frame, starting from where it was. On an error the state is that before the call.
+    fn update(&mut self, frame: &Frame) -> Result<Update, TrackError>;
+
+    /// Moves the tracker to `corners` without changing its template.
+    fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError>;
+
+    /// Current corners in image pixels.
+    fn corners(&self) -> Corners;
+
+    /// Seed of all randomness; called before `init`. Trackers without randomness ignore it.
+    fn reseed(&mut self, _seed: u64) {}
+
+    /// Channels of the image that `update` reads: 1 (gray) or 3 (R, G, B).
+    fn channels(&self) -> usize {
+        1
+    }
+
+    /// Bytes this tracker keeps between frames, roughly: sizes groups of trackers that run together.
+    fn memory(&self) -> usize {
+        1 << 17
+    }
+}
+
+impl<T: Tracker + ?Sized> Tracker for Box<T> {
+    fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        (**self).init(frame, corners)
+    }
+    fn update(&mut self, frame: &Frame) -> Result<Update, TrackError> {
+        (**self).update(frame)
+    }
+    fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
+        (**self).set_region(corners)
+    }
+    fn corners(&self) -> Corners {
+        (**self).corners()
+    }
+    fn reseed(&mut self, seed: u64) {
+        (**self).reseed(seed)
+    }
+    fn channels(&self) -> usize {
+        (**self).channels()
+    }
+    fn memory(&self) -> usize {
+        (**self).memory()
+    }
+}
