@@ -4,6 +4,7 @@
 //! compared in tests. Depends on nothing else in the crate but plain image types.
 
 pub mod blur;
+pub mod gray;
 pub mod lanes;
 
 #[cfg(target_arch = "x86_64")]
