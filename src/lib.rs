@@ -8,5 +8,6 @@ pub mod geom;
 pub mod image;
 pub mod kernels;
 pub mod output;
+pub mod registry;
 pub mod synth;
 pub mod tracker;

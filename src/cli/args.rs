@@ -1,6 +1,7 @@
 //! The command line as typed: structures for clap and the little grammars of their values. No logic.
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use mtf_eval::output::Format;
 use std::path::PathBuf;
 
 /// Evaluates registration-based trackers: every search method x appearance model x state space model, on image
@@ -23,16 +24,34 @@ pub struct Cli {
 #[derive(Args, Clone, Debug)]
 pub struct Messages {
     /// Only errors on stderr
-    #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Messages")]
+    #[arg(
+        short,
+        long,
+        global = true,
+        conflicts_with = "verbose",
+        help_heading = "Messages"
+    )]
     pub quiet: bool,
     /// Say more on stderr (a line per unit)
     #[arg(short, long, global = true, action = clap::ArgAction::Count, help_heading = "Messages")]
     pub verbose: u8,
     /// Colours on stderr
-    #[arg(long, global = true, value_name = "WHEN", default_value = "auto", help_heading = "Messages")]
+    #[arg(
+        long,
+        global = true,
+        value_name = "WHEN",
+        default_value = "auto",
+        help_heading = "Messages"
+    )]
     pub color: When,
     /// Progress on stderr: a bar on terminals and lines elsewhere, or always lines, or nothing
-    #[arg(long, global = true, value_name = "HOW", default_value = "auto", help_heading = "Messages")]
+    #[arg(
+        long,
+        global = true,
+        value_name = "HOW",
+        default_value = "auto",
+        help_heading = "Messages"
+    )]
     pub progress: ProgressMode,
 }
 
@@ -208,24 +227,11 @@ pub struct TableArgs {
     #[arg(long, value_name = "FORMAT", default_value = "table")]
     pub format: Format,
     /// Column to sort by, best first
-    #[arg(long, value_name = "COLUMN", default_value = "auc")]
+    #[arg(long, value_name = "COLUMN", default_value = "auc", value_parser = mtf_eval::output::parse_sort)]
     pub sort: String,
     /// How many trackers to show (0: all)
     #[arg(long, value_name = "N", default_value = "20")]
     pub top: usize,
-}
-
-/// Format of results on stdout.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Format {
-    /// For people
-    Table,
-    /// For programs: everything
-    Json,
-    /// One row per line
-    Csv,
-    /// A Markdown table
-    Md,
 }
 
 /// Arguments of `list`.
@@ -289,7 +295,9 @@ fn channels(text: &str) -> Result<usize, String> {
 
 fn non_negative(text: &str) -> Result<f64, String> {
     let value = text.trim().parse().ok();
-    value.filter(|v: &f64| v.is_finite() && *v >= 0.0).ok_or_else(|| "expected a number, 0 or more".into())
+    value
+        .filter(|v: &f64| v.is_finite() && *v >= 0.0)
+        .ok_or_else(|| "expected a number, 0 or more".into())
 }
 
 fn positive(text: &str) -> Result<f64, String> {
@@ -300,7 +308,9 @@ fn positive(text: &str) -> Result<f64, String> {
 
 fn at_least(least: usize, text: &str) -> Result<usize, String> {
     let value = text.trim().parse().ok();
-    value.filter(|&n| n >= least).ok_or_else(|| format!("expected a whole number, {least} or more"))
+    value
+        .filter(|&n| n >= least)
+        .ok_or_else(|| format!("expected a whole number, {least} or more"))
 }
 
 fn at_least_one(text: &str) -> Result<usize, String> {
@@ -348,8 +358,15 @@ mod tests {
         assert!(["", "G", "-1G", "4X", "nan"].iter().all(|s| size(s).is_err()));
         assert_eq!(resolution("50x40"), Ok((50, 40)));
         assert_eq!(resolution("25"), Ok((25, 25)));
-        assert!(["", "x", "0x5", "5x", "50x50x50"].iter().all(|s| resolution(s).is_err()));
-        assert_eq!(assignment("esm.max_iters = 5"), Ok(("esm.max_iters".into(), "5".into())));
+        assert!(
+            ["", "x", "0x5", "5x", "50x50x50"]
+                .iter()
+                .all(|s| resolution(s).is_err())
+        );
+        assert_eq!(
+            assignment("esm.max_iters = 5"),
+            Ok(("esm.max_iters".into(), "5".into()))
+        );
         assert!(["x", "=", "x=", "=5"].iter().all(|s| assignment(s).is_err()));
     }
 

@@ -3,8 +3,8 @@
 use super::Console;
 use super::args::ProgressMode;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use mtf_eval::eval::journal::Entry;
 use mtf_eval::eval::Observer;
+use mtf_eval::eval::journal::Entry;
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock};
@@ -81,7 +81,11 @@ impl Observer for Progress<'_> {
             };
             self.console.note(&format!("{pending} units to track{resumed}"));
         }
-        let begin = Begin { at: Instant::now(), frames, pending };
+        let begin = Begin {
+            at: Instant::now(),
+            frames,
+            pending,
+        };
         self.bar.set_length(frames);
         self.bar.set_message(self.summary(&begin));
         let _ = self.began.set(begin);
@@ -94,10 +98,13 @@ impl Observer for Progress<'_> {
             return;
         };
         // Whoever comes while another prints has nothing to add.
-        let Ok(mut last) = self.last_line.try_lock() else { return };
+        let Ok(mut last) = self.last_line.try_lock() else {
+            return;
+        };
         if last.elapsed() >= LINE_EVERY {
             *last = Instant::now();
-            let left = begin.at.elapsed().as_secs_f64() * (begin.frames.saturating_sub(done) as f64 / done.max(1) as f64);
+            let left = begin.at.elapsed().as_secs_f64()
+                * (begin.frames.saturating_sub(done) as f64 / done.max(1) as f64);
             self.say(&format!("{}, about {left:.0} s left", self.summary(begin)));
         }
     }
@@ -113,14 +120,21 @@ impl Observer for Progress<'_> {
         if self.console.verbose > 0 {
             let outcome = entry.reason.as_deref().unwrap_or("ok");
             let seconds = entry.time.seconds;
-            self.say(&format!("{} on {}/{}: {outcome} ({seconds:.2} s)", entry.tracker, entry.dataset, entry.sequence));
+            self.say(&format!(
+                "{} on {}/{}: {outcome} ({seconds:.2} s)",
+                entry.tracker, entry.dataset, entry.sequence
+            ));
         }
     }
 
     fn end(&self) {
         self.bar.finish_and_clear();
         if let Some(begin) = self.began.get().filter(|_| !self.console.quiet) {
-            self.console.note(&format!("{} in {:.1} s", self.summary(begin), begin.at.elapsed().as_secs_f64()));
+            self.console.note(&format!(
+                "{} in {:.1} s",
+                self.summary(begin),
+                begin.at.elapsed().as_secs_f64()
+            ));
         }
     }
 

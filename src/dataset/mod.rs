@@ -65,6 +65,11 @@ pub struct Dataset {
     pub sequences: Vec<Sequence>,
 }
 /// stand-in
+/// stand-in
+pub fn builtin() -> Result<Dataset, DatasetError> {
+    Err(DatasetError("no embedded data yet".into()))
+}
+/// stand-in
 pub fn load(path: &Path, _options: &LoadOptions) -> Result<Dataset, DatasetError> {
     let io = |e: std::io::Error| DatasetError(format!("{}: {e}", path.display()));
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_string();

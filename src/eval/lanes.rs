@@ -41,7 +41,7 @@ pub(super) struct Context<'a> {
     /// Set when a file could not be written, by whoever met the error first.
     pub broken: AtomicBool,
     pub error: Mutex<Option<RunError>>,
-    pub pool: rayon::ThreadPool,
+    pub pool: &'a rayon::ThreadPool,
     pub lanes: usize,
 }
 

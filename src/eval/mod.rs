@@ -9,6 +9,7 @@ pub mod panics;
 pub mod plan;
 pub mod rundir;
 pub mod runner;
+pub mod score;
 
 pub use plan::{FrameLogs, RunRequest, TrackerEntry, Unit};
 pub use rundir::RunError;
@@ -22,3 +23,6 @@ pub(crate) fn utc_now() -> String {
         .format(&time::format_description::well_known::Rfc3339)
         .unwrap_or_default()
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,13 +3,13 @@
 //! The result files are always made from the journal and the frame logs on disk, never from memory, so that a run
 //! that was interrupted any number of times ends with the same bytes as one that was not.
 
-use super::aggregate::{Results, TrackerName, UnitResult, UnitStatus, aggregate};
+use super::aggregate::{Results, TrackerName, UnitResult, UnitStatus, aggregate_tracker};
 use super::error::FrameError;
 use super::journal::{Entry, EntryStatus, Journal, JournalWriter};
 use super::lanes::{Context, lanes, run_units};
 use super::plan::{FrameLogs, PROTOCOL, RunRequest, SCHEMA_VERSION, Unit};
 use super::rundir::{RunDir, RunError, digest, host_name, parse_log, score_log};
-use crate::output;
+use crate::output::{self, Meta};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, HashMap};
@@ -119,7 +119,7 @@ pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> 
             broken: AtomicBool::new(false),
             error: Mutex::new(None),
             lanes: lanes(threads, per_sequence, pending.len()),
-            pool,
+            pool: &pool,
         };
         std::thread::scope(|scope| {
             let context = &context;
@@ -148,30 +148,38 @@ pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> 
             total: units.len(),
         });
     }
-    let outcomes: Vec<(&Entry, UnitResult)> = units
-        .par_iter()
-        .map(|unit| load_unit(request, &dir, &journal, unit))
-        .collect::<Result<_, _>>()?;
-    write_timing(&dir, outcomes.iter().map(|(entry, _)| *entry))?;
-    let failed = outcomes
-        .iter()
-        .filter_map(|(entry, _)| {
-            let reason = entry.reason.as_ref()?;
-            Some((
-                format!("{} on {}/{}", entry.tracker, entry.dataset, entry.sequence),
-                reason.clone(),
-            ))
-        })
-        .collect();
-    let outcomes: Vec<UnitResult> = outcomes.into_iter().map(|(_, result)| result).collect();
-    let results = aggregate(&outcomes);
-    output::write_results(dir.path(), &results)?;
+    // A tracker at a time, so that the errors of all frames of all trackers are never in memory together.
+    let trackers: Vec<&[Unit]> = units.chunk_by(|a, b| a.tracker == b.tracker).collect();
+    let parts: Vec<(Vec<&Entry>, Results)> = pool.install(|| {
+        let load = |units: &&[Unit]| -> Result<_, RunError> {
+            let loaded = units.iter().map(|unit| load_unit(request, &dir, &journal, unit));
+            let loaded: Vec<(&Entry, UnitResult)> = loaded.collect::<Result<_, _>>()?;
+            let results = aggregate_tracker(&loaded.iter().map(|(_, result)| result).collect::<Vec<_>>());
+            Ok((loaded.into_iter().map(|(entry, _)| entry).collect(), results))
+        };
+        trackers.par_iter().map(load).collect::<Result<_, _>>()
+    })?;
+    let mut results = Results::default();
+    let mut entries = Vec::new();
+    for (part_entries, part) in parts {
+        entries.extend(part_entries);
+        results.extend(part);
+    }
+    write_timing(&dir, &entries)?;
+    output::write_results(dir.path(), &results, &Meta::default())?;
+    let failed = |entry: &&Entry| {
+        let reason = entry.reason.clone()?;
+        Some((
+            format!("{} on {}/{}", entry.tracker, entry.dataset, entry.sequence),
+            reason,
+        ))
+    };
     Ok(RunReport {
         path: dir.path().to_path_buf(),
         results,
         units: units.len(),
         resumed,
-        failed,
+        failed: entries.iter().filter_map(failed).collect(),
     })
 }
 
@@ -316,7 +324,7 @@ fn write_descriptions(
 }
 
 /// Writes `timing.csv`: the file that differs between machines.
-fn write_timing<'a>(dir: &RunDir, entries: impl Iterator<Item = &'a Entry>) -> Result<(), RunError> {
+fn write_timing(dir: &RunDir, entries: &[&Entry]) -> Result<(), RunError> {
     let path = dir.path().join("timing.csv");
     let cpu = cpu_name();
     let mut out = csv::Writer::from_writer(Vec::new());
@@ -326,7 +334,7 @@ fn write_timing<'a>(dir: &RunDir, entries: impl Iterator<Item = &'a Entry>) -> R
     };
     let header = "tracker,dataset,sequence,start,frames,seconds,fps,ms_median,ms_p95,fps_with_input,threads,comparable,cpu";
     write(&mut out, &header.split(',').collect::<Vec<_>>())?;
-    for entry in entries.filter(|e| e.status == EntryStatus::Ok) {
+    for entry in entries.iter().filter(|e| e.status == EntryStatus::Ok) {
         let time = &entry.time;
         let rate = |seconds: f64| match time.updates {
             0 => String::new(),

@@ -1,0 +1,255 @@
+//! `mtf-eval run`: from the arguments to a request for the runner, and from its report to the table.
+
+use super::args::{
+    ExecutionArgs, FrameLogsArg, OnBadData, ProgressMode, RunArgs, SelectionArgs, TrackerArgs,
+};
+use super::progress::Progress;
+use super::{Console, Failure, Outcome, exit, print};
+use globset::{GlobBuilder, GlobSet, GlobSetBuilder};
+use mtf_eval::dataset::{self, LoadOptions, Sequence};
+use mtf_eval::eval::aggregate::TrackerName;
+use mtf_eval::eval::{self, FrameLogs, RunError, RunRequest, TrackerEntry};
+use mtf_eval::image::parse_preprocessor;
+use mtf_eval::output::{TableOptions, table};
+use mtf_eval::registry::{Registry, Selection, TrackerSpec};
+use serde_json::{Map, json};
+use signal_hook::consts::{SIGINT, SIGTERM};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+/// Failed units named on stderr; the rest is in the files.
+const FAILURES_SHOWN: usize = 5;
+
+/// Runs the command.
+///
+/// # Errors
+/// Wrong arguments, unusable data or output directory, nothing selected, or stopped early.
+pub fn run(args: &RunArgs, progress: ProgressMode, console: &Console) -> Outcome {
+    let request = request(args, console)?;
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        // A second signal ends the process at once: a killed run is resumed all the same.
+        signal_hook::flag::register_conditional_default(signal, Arc::clone(&stop))
+            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
+            .map_err(|e| Failure::usage(format!("cannot handle signals: {e}")))?;
+    }
+    let report = eval::run(&request, &Progress::new(console, progress), &stop).map_err(failure)?;
+    let options = TableOptions {
+        format: args.table.format,
+        sort: args.table.sort.clone(),
+        top: args.table.top,
+        colour: console.table_colour,
+    };
+    print(&table(&report.results, &options))?;
+    for (unit, reason) in report.failed.iter().take(FAILURES_SHOWN) {
+        console.warn(&format!("{unit}: {reason}"));
+    }
+    if report.failed.len() > FAILURES_SHOWN {
+        console.warn(&format!(
+            "{} more failed, see sequences.csv",
+            report.failed.len() - FAILURES_SHOWN
+        ));
+    }
+    console.note(&format!("results in {}", report.path.display()));
+    Ok(if report.failed.is_empty() { 0 } else { exit::FAILED })
+}
+
+fn failure(error: RunError) -> Failure {
+    let code = match &error {
+        RunError::Locked { .. } | RunError::Interrupted { .. } | RunError::DiskFull(_) => exit::STOPPED,
+        RunError::Nothing(_) => exit::NOTHING,
+        _ => exit::USAGE,
+    };
+    Failure::new(code, error)
+}
+
+/// The request that the arguments describe.
+fn request(args: &RunArgs, console: &Console) -> Result<RunRequest, Failure> {
+    let pre = parse_preprocessor(&args.trackers.pre).map_err(Failure::usage)?;
+    let trackers = trackers(&args.trackers, &Arc::new(Registry::builtin()), console)?;
+    let sequences = sequences(&args.data, &args.selection, console)?;
+    let ExecutionArgs {
+        out,
+        force,
+        seed,
+        threads,
+        memory,
+        timeout,
+        frame_logs,
+    } = args.execution.clone();
+    let mut about = Map::new();
+    about.insert("frame_gap".into(), args.selection.frame_gap.into());
+    about.insert("max_frames".into(), args.selection.max_frames.into());
+    let mut host = Map::new();
+    host.insert("command".into(), json!(std::env::args().collect::<Vec<_>>()));
+    host.insert("revision".into(), option_env!("MTF_EVAL_REVISION").into());
+    let mut request = RunRequest {
+        trackers,
+        sequences,
+        pre,
+        seed,
+        threads: threads.unwrap_or(0),
+        memory: memory.unwrap_or_else(|| machine_memory() / 2),
+        out: PathBuf::new(),
+        force,
+        frame_logs: match frame_logs {
+            FrameLogsArg::Csv => FrameLogs::Csv,
+            FrameLogsArg::None => FrameLogs::None,
+        },
+        timeout: timeout.map(Duration::from_secs_f64),
+        about,
+        host,
+    };
+    request.out = match out {
+        Some(out) => out,
+        None => default_out(&request)?,
+    };
+    Ok(request)
+}
+
+/// `results/<UTC date-time>-<hash of what is run>`.
+fn default_out(request: &RunRequest) -> Result<PathBuf, Failure> {
+    let units = request.units().map_err(failure)?;
+    let keys: String = units.iter().map(|unit| unit.key.as_str()).collect();
+    let format = time::macros::format_description!("[year][month][day]-[hour][minute][second]");
+    let now = time::OffsetDateTime::now_utc()
+        .format(&format)
+        .map_err(Failure::usage)?;
+    let hash = eval::rundir::digest(keys.as_bytes());
+    Ok(Path::new("results").join(format!("{now}-{}", &hash[..6])))
+}
+
+/// The trackers asked for; combinations that cannot work are told once per reason.
+fn trackers(
+    args: &TrackerArgs,
+    registry: &Arc<Registry>,
+    console: &Console,
+) -> Result<Vec<TrackerEntry>, Failure> {
+    let mut selection = Selection {
+        sm: args.sm.clone(),
+        am: args.am.clone(),
+        ssm: args.ssm.clone(),
+        ilm: args.ilm.clone(),
+        trackers: args.expressions.clone(),
+        sets: args.set.clone(),
+        res: args.res,
+        max_iters: args.max_iters,
+        epsilon: args.epsilon,
+        channels: args.channels,
+    };
+    // Expressions alone are all there is; else what is not named is the default.
+    if args.expressions.is_empty() || !(args.sm.is_empty() && args.am.is_empty() && args.ssm.is_empty()) {
+        for (list, default) in [
+            (&mut selection.sm, "esm"),
+            (&mut selection.am, "ssd"),
+            (&mut selection.ssm, "homography"),
+        ] {
+            if list.is_empty() {
+                list.push(default.into());
+            }
+        }
+    }
+    let expansion = registry.expand(&selection).map_err(Failure::usage)?;
+    let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for refusal in &expansion.refused {
+        reasons.entry(&refusal.reason).or_default().push(&refusal.triple);
+    }
+    let told = |(reason, triples): (&&str, &Vec<&str>)| match triples.as_slice() {
+        [one] => format!("{one} is refused: {reason}"),
+        many => format!("{} and {} more are refused: {reason}", many[0], many.len() - 1),
+    };
+    if expansion.specs.is_empty() {
+        let told: Vec<String> = reasons.iter().map(told).collect();
+        return Err(Failure::usage(match told.is_empty() {
+            true => "no tracker selected".to_string(),
+            false => told.join("; "),
+        }));
+    }
+    for reason in &reasons {
+        console.warn(&told(reason));
+    }
+    Ok(expansion
+        .specs
+        .into_iter()
+        .map(|spec| entry(registry, spec))
+        .collect())
+}
+
+/// A tracker of the registry, for the runner.
+fn entry(registry: &Arc<Registry>, spec: TrackerSpec) -> TrackerEntry {
+    let (sm, am, ssm, ilm) = spec.parts();
+    let registry = Arc::clone(registry);
+    TrackerEntry {
+        name: TrackerName {
+            id: spec.to_string(),
+            sm,
+            am,
+            ssm,
+            ilm,
+        },
+        slug: spec.slug(),
+        parameters: spec.resolved(),
+        make: Arc::new(move || registry.build(&spec).map_err(|e| e.to_string())),
+    }
+}
+
+/// The sequences of `data` (the embedded ones if empty) that pass the filters, cut to the frames asked for.
+fn sequences(data: &[PathBuf], args: &SelectionArgs, console: &Console) -> Result<Vec<Sequence>, Failure> {
+    let names = globs(&args.seq)?;
+    let mut all = 0;
+    let mut chosen = Vec::new();
+    let builtin = [PathBuf::from("builtin")];
+    for path in if data.is_empty() { &builtin } else { data } {
+        let set = load(path, args.on_bad_data, console)?;
+        all += set.sequences.len();
+        chosen.extend(set.sequences.into_iter().filter(|s| {
+            let id = format!("{}/{}", s.dataset(), s.name());
+            let named = args.seq.is_empty() || names.is_match(s.name()) || names.is_match(&id);
+            let tagged = |tag: &String| s.tags().iter().any(|t| t.eq_ignore_ascii_case(tag));
+            named && (args.tag.is_empty() || args.tag.iter().any(tagged))
+        }));
+    }
+    if chosen.is_empty() {
+        return Err(Failure::new(
+            exit::NOTHING,
+            format!("none of {all} sequences passes --seq and --tag"),
+        ));
+    }
+    Ok(chosen)
+}
+
+fn load(path: &Path, on_bad_data: OnBadData, console: &Console) -> Result<dataset::Dataset, Failure> {
+    let _ = (on_bad_data, console);
+    let loaded = if path == Path::new("builtin") && !path.exists() {
+        dataset::builtin()
+    } else {
+        dataset::load(path, &LoadOptions {})
+    };
+    loaded.map_err(Failure::usage)
+}
+
+fn globs(patterns: &[String]) -> Result<GlobSet, Failure> {
+    let mut set = GlobSetBuilder::new();
+    for pattern in patterns {
+        let glob = GlobBuilder::new(pattern).case_insensitive(true).build();
+        set.add(glob.map_err(|e| Failure::usage(format!("--seq: {e}")))?);
+    }
+    set.build().map_err(Failure::usage)
+}
+
+/// Bytes of memory that this process may count on: the machine's, or its control group's if less.
+fn machine_memory() -> u64 {
+    const FALLBACK: u64 = 8 << 30;
+    let info = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
+    let total = info.lines().find_map(|line| {
+        let kib = line.strip_prefix("MemTotal:")?.trim().strip_suffix("kB")?;
+        Some(kib.trim().parse::<u64>().ok()? << 10)
+    });
+    let limit = |path: &str| std::fs::read_to_string(path).ok()?.trim().parse::<u64>().ok();
+    let group =
+        limit("/sys/fs/cgroup/memory.max").or_else(|| limit("/sys/fs/cgroup/memory/memory.limit_in_bytes"));
+    total.unwrap_or(FALLBACK).min(group.unwrap_or(u64::MAX))
+}
