@@ -4,6 +4,7 @@
 //! results on any instruction set. Depends on nothing else in the crate but plain data types.
 
 pub mod blur;
+pub mod gray;
 mod lanes;
 mod normal;
 mod reduce;
