@@ -2,6 +2,7 @@
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use mtf_eval::output::Format;
+use mtf_eval::params::{ParamValue, Resolution};
 use std::path::PathBuf;
 
 /// Evaluates registration-based trackers: every search method x appearance model x state space model, on image
@@ -127,9 +128,6 @@ pub struct TrackerArgs {
     /// State space models [default: homography]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub ssm: Vec<String>,
-    /// Illumination models [default: none]
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    pub ilm: Vec<String>,
     /// A tracker by expression, such as `iclk/ssd+gb/affine{max_iters=50}`; repeatable
     #[arg(long = "tracker", value_name = "EXPR")]
     pub expressions: Vec<String>,
@@ -138,7 +136,7 @@ pub struct TrackerArgs {
     pub set: Vec<(String, String)>,
     /// Samples of the template, columns x rows [default: 50x50]
     #[arg(long, value_name = "WxH", value_parser = resolution)]
-    pub res: Option<(usize, usize)>,
+    pub res: Option<String>,
     /// Most iterations per frame [default: 30]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub max_iters: Option<u32>,
@@ -277,12 +275,10 @@ fn assignment(text: &str) -> Result<(String, String), String> {
     }
 }
 
-fn resolution(text: &str) -> Result<(usize, usize), String> {
-    let (w, h) = text.split_once(['x', 'X']).unwrap_or((text, text));
-    match (w.trim().parse(), h.trim().parse()) {
-        (Ok(w), Ok(h)) if (2..=1000).contains(&w) && (2..=1000).contains(&h) => Ok((w, h)),
-        _ => Err("expected columns x rows from 2 to 1000, such as 50x50".into()),
-    }
+fn resolution(text: &str) -> Result<String, String> {
+    let grid = Resolution::parse(&text.trim().to_ascii_lowercase());
+    grid.map(|r| r.to_string())
+        .ok_or_else(|| format!("expected {}", Resolution::allowed()))
 }
 
 fn channels(text: &str) -> Result<usize, String> {
@@ -356,8 +352,8 @@ mod tests {
         assert_eq!(size("1.5 MiB"), Ok(3 << 19));
         assert_eq!(size("100"), Ok(100));
         assert!(["", "G", "-1G", "4X", "nan"].iter().all(|s| size(s).is_err()));
-        assert_eq!(resolution("50x40"), Ok((50, 40)));
-        assert_eq!(resolution("25"), Ok((25, 25)));
+        assert_eq!(resolution("50x40"), Ok("50x40".into()));
+        assert_eq!(resolution("25"), Ok("25x25".into()));
         assert!(
             ["", "x", "0x5", "5x", "50x50x50"]
                 .iter()

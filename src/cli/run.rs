@@ -7,11 +7,10 @@ use super::progress::Progress;
 use super::{Console, Failure, Outcome, exit, print};
 use globset::{GlobBuilder, GlobSet, GlobSetBuilder};
 use mtf_eval::dataset::{self, LoadOptions, Sequence};
-use mtf_eval::eval::aggregate::TrackerName;
 use mtf_eval::eval::{self, FrameLogs, RunError, RunRequest, TrackerEntry};
 use mtf_eval::image::parse_preprocessor;
 use mtf_eval::output::{TableOptions, table};
-use mtf_eval::registry::{Registry, Selection, TrackerSpec};
+use mtf_eval::registry::{Registry, Selection};
 use serde_json::{Map, json};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use std::collections::BTreeMap;
@@ -128,17 +127,22 @@ fn trackers(
     registry: &Arc<Registry>,
     console: &Console,
 ) -> Result<Vec<TrackerEntry>, Failure> {
+    // Settings with flags of their own are parameters like any other; --set has the last word.
+    let common = [
+        ("res", args.res.clone()),
+        ("max_iters", args.max_iters.map(|n| n.to_string())),
+        ("epsilon", args.epsilon.map(|x| x.to_string())),
+        ("channels", args.channels.map(|n| n.to_string())),
+    ];
+    let common = common
+        .into_iter()
+        .filter_map(|(name, value)| Some((name.to_owned(), value?)));
     let mut selection = Selection {
         sm: args.sm.clone(),
         am: args.am.clone(),
         ssm: args.ssm.clone(),
-        ilm: args.ilm.clone(),
         trackers: args.expressions.clone(),
-        sets: args.set.clone(),
-        res: args.res,
-        max_iters: args.max_iters,
-        epsilon: args.epsilon,
-        channels: args.channels,
+        set: common.chain(args.set.clone()).collect(),
     };
     // Expressions alone are all there is; else what is not named is the default.
     if args.expressions.is_empty() || !(args.sm.is_empty() && args.am.is_empty() && args.ssm.is_empty()) {
@@ -155,45 +159,23 @@ fn trackers(
     let expansion = registry.expand(&selection).map_err(Failure::usage)?;
     let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for refusal in &expansion.refused {
-        reasons.entry(&refusal.reason).or_default().push(&refusal.triple);
+        reasons.entry(&refusal.reason).or_default().push(&refusal.id);
     }
-    let told = |(reason, triples): (&&str, &Vec<&str>)| match triples.as_slice() {
-        [one] => format!("{one} is refused: {reason}"),
-        many => format!("{} and {} more are refused: {reason}", many[0], many.len() - 1),
-    };
-    if expansion.specs.is_empty() {
-        let told: Vec<String> = reasons.iter().map(told).collect();
-        return Err(Failure::usage(match told.is_empty() {
-            true => "no tracker selected".to_string(),
-            false => told.join("; "),
-        }));
+    for (reason, ids) in reasons {
+        match ids[..] {
+            [one] => console.warn(&format!("{one} is refused: {reason}")),
+            _ => console.warn(&format!(
+                "{} and {} more are refused: {reason}",
+                ids[0],
+                ids.len() - 1
+            )),
+        }
     }
-    for reason in &reasons {
-        console.warn(&told(reason));
-    }
-    Ok(expansion
+    let entries = expansion
         .specs
-        .into_iter()
-        .map(|spec| entry(registry, spec))
-        .collect())
-}
-
-/// A tracker of the registry, for the runner.
-fn entry(registry: &Arc<Registry>, spec: TrackerSpec) -> TrackerEntry {
-    let (sm, am, ssm, ilm) = spec.parts();
-    let registry = Arc::clone(registry);
-    TrackerEntry {
-        name: TrackerName {
-            id: spec.to_string(),
-            sm,
-            am,
-            ssm,
-            ilm,
-        },
-        slug: spec.slug(),
-        parameters: spec.resolved(),
-        make: Arc::new(move || registry.build(&spec).map_err(|e| e.to_string())),
-    }
+        .iter()
+        .map(|spec| TrackerEntry::from_registry(registry, spec));
+    entries.collect::<Result<_, _>>().map_err(Failure::usage)
 }
 
 /// The sequences of `data` (the embedded ones if empty) that pass the filters, cut to the frames asked for.
@@ -201,9 +183,21 @@ fn sequences(data: &[PathBuf], args: &SelectionArgs, console: &Console) -> Resul
     let names = globs(&args.seq)?;
     let mut all = 0;
     let mut chosen = Vec::new();
-    let builtin = [PathBuf::from("builtin")];
+    let options = LoadOptions {
+        on_bad_data: match args.on_bad_data {
+            OnBadData::Fail => dataset::OnBadData::Fail,
+            OnBadData::Skip => dataset::OnBadData::Skip,
+        },
+        start: 0,
+        frame_gap: args.frame_gap,
+        max_frames: args.max_frames,
+    };
+    let builtin = [PathBuf::from(dataset::BUILTIN)];
     for path in if data.is_empty() { &builtin } else { data } {
-        let set = load(path, args.on_bad_data, console)?;
+        let set = dataset::load(path, &options).map_err(Failure::usage)?;
+        for fault in &set.skipped {
+            console.warn(&fault.to_string());
+        }
         all += set.sequences.len();
         chosen.extend(set.sequences.into_iter().filter(|s| {
             let id = format!("{}/{}", s.dataset(), s.name());
@@ -219,16 +213,6 @@ fn sequences(data: &[PathBuf], args: &SelectionArgs, console: &Console) -> Resul
         ));
     }
     Ok(chosen)
-}
-
-fn load(path: &Path, on_bad_data: OnBadData, console: &Console) -> Result<dataset::Dataset, Failure> {
-    let _ = (on_bad_data, console);
-    let loaded = if path == Path::new("builtin") && !path.exists() {
-        dataset::builtin()
-    } else {
-        dataset::load(path, &LoadOptions {})
-    };
-    loaded.map_err(Failure::usage)
 }
 
 fn globs(patterns: &[String]) -> Result<GlobSet, Failure> {

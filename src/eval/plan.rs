@@ -4,6 +4,7 @@ use super::aggregate::TrackerName;
 use super::rundir::{RunError, digest};
 use crate::dataset::Sequence;
 use crate::image::PreProcessor;
+use crate::registry::{Registry, SpecError, TrackerSpec};
 use crate::tracker::Tracker;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -34,6 +35,37 @@ pub struct TrackerEntry {
 impl std::fmt::Debug for TrackerEntry {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "TrackerEntry({})", self.name.id)
+    }
+}
+
+impl TrackerEntry {
+    /// A tracker of `registry`, which may hold the user's own models.
+    ///
+    /// # Errors
+    /// The registry does not know the tracker.
+    pub fn from_registry(registry: &Arc<Registry>, spec: &TrackerSpec) -> Result<TrackerEntry, SpecError> {
+        let (sm, am, ssm, ilm) = spec.parts();
+        let parameters = registry.resolved(spec)?.into_iter().map(|(info, text)| {
+            // Numbers as numbers; everything else as it would be typed.
+            let value = serde_json::from_str(&text).ok().filter(Value::is_number);
+            (info.name.to_owned(), value.unwrap_or(Value::String(text)))
+        });
+        let name = TrackerName {
+            id: spec.to_string(),
+            sm: sm.to_owned(),
+            am: am.to_owned(),
+            ssm: ssm.to_owned(),
+            ilm: ilm.to_owned(),
+        };
+        let parameters = Value::Object(parameters.collect());
+        let (registry, slug, spec) = (Arc::clone(registry), spec.slug(), spec.clone());
+        let make = Arc::new(move || registry.build(&spec).map_err(|e| e.to_string()));
+        Ok(TrackerEntry {
+            name,
+            slug,
+            parameters,
+            make,
+        })
     }
 }
 
