@@ -254,8 +254,6 @@ pub enum ListWhat {
     Am,
     /// State space models
     Ssm,
-    /// Illumination models
-    Ilm,
     /// Every valid single-layer combination, and why the others are refused
     Trackers,
     /// Every parameter with default and range

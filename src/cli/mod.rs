@@ -45,8 +45,16 @@ impl Failure {
     }
 }
 
+impl Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for Failure {}
+
 /// Exit code of a command that did what it could.
-pub type Outcome = Result<u8, Failure>;
+pub type Outcome = Result<ExitCode, Failure>;
 
 /// Where messages go.
 #[derive(Debug)]
@@ -135,7 +143,7 @@ pub fn main() -> ExitCode {
     };
     let console = Console::new(&cli.messages);
     match dispatch(cli, &console) {
-        Ok(code) => ExitCode::from(code),
+        Ok(code) => code,
         Err(failure) => {
             console.error(&failure.message);
             ExitCode::from(failure.code)
@@ -146,13 +154,13 @@ pub fn main() -> ExitCode {
 fn dispatch(cli: Cli, console: &Console) -> Outcome {
     match cli.command {
         Command::Run(args) => run::run(&args, cli.messages.progress, console),
-        Command::List(args) => list::run(&args, console),
+        Command::List(args) => list::run(&args),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "mtf-eval", &mut script);
-            print(&String::from_utf8_lossy(&script)).map(|()| 0)
+            print(&String::from_utf8_lossy(&script)).map(|()| ExitCode::SUCCESS)
         }
-        Command::Man => print(&manual()?).map(|()| 0),
+        Command::Man => print(&manual()?).map(|()| ExitCode::SUCCESS),
     }
 }
 

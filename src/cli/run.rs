@@ -15,6 +15,7 @@ use serde_json::{Map, json};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -53,7 +54,11 @@ pub fn run(args: &RunArgs, progress: ProgressMode, console: &Console) -> Outcome
         ));
     }
     console.note(&format!("results in {}", report.path.display()));
-    Ok(if report.failed.is_empty() { 0 } else { exit::FAILED })
+    Ok(ExitCode::from(if report.failed.is_empty() {
+        0
+    } else {
+        exit::FAILED
+    }))
 }
 
 fn failure(error: RunError) -> Failure {
