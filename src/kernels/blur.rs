@@ -8,7 +8,16 @@ pub const MAX_TAPS: usize = 31;
 
 /// Elements of the scratch slice that [`separable_in_place`] needs for an image `width` pixels wide.
 pub fn scratch_len(width: usize, taps: usize) -> usize {
-    taps * width.next_multiple_of(WIDTH) + width.next_multiple_of(WIDTH) + taps - 1
+    let taps = compiled_taps(taps);
+    (taps + 1) * width.next_multiple_of(WIDTH) + taps - 1
+}
+
+/// The kernel is compiled for these lengths; others are filled up with zero weights at both ends.
+fn compiled_taps(taps: usize) -> usize {
+    [3, 5, 7, 11, 17]
+        .into_iter()
+        .find(|&n| taps <= n)
+        .unwrap_or(MAX_TAPS)
 }
 
 /// Position `i` reflected into `0..n` about the first and last element, as often as needed.
@@ -31,7 +40,6 @@ dispatch! {
     pub fn separable_in_place(plane: &mut [f32], width: usize, height: usize, stride: usize, weights: &[f32], scratch: &mut [f32]) = separable;
 }
 
-/// Picks a body with the number of taps known to the compiler where that is common.
 #[inline(always)]
 fn separable<L: Lanes>(
     plane: &mut [f32],
@@ -45,16 +53,18 @@ fn separable<L: Lanes>(
         weights.len() % 2 == 1 && weights.len() <= MAX_TAPS,
         "odd number of taps"
     );
-    match weights.len() {
-        3 => separable_taps::<L>(plane, width, height, stride, &weights[..3], scratch),
-        5 => separable_taps::<L>(plane, width, height, stride, &weights[..5], scratch),
-        7 => separable_taps::<L>(plane, width, height, stride, &weights[..7], scratch),
-        _ => separable_taps::<L>(plane, width, height, stride, weights, scratch),
+    match compiled_taps(weights.len()) {
+        3 => separable_taps::<L, 3>(plane, width, height, stride, weights, scratch),
+        5 => separable_taps::<L, 5>(plane, width, height, stride, weights, scratch),
+        7 => separable_taps::<L, 7>(plane, width, height, stride, weights, scratch),
+        11 => separable_taps::<L, 11>(plane, width, height, stride, weights, scratch),
+        17 => separable_taps::<L, 17>(plane, width, height, stride, weights, scratch),
+        _ => separable_taps::<L, MAX_TAPS>(plane, width, height, stride, weights, scratch),
     }
 }
 
 #[inline(always)]
-fn separable_taps<L: Lanes>(
+fn separable_taps<L: Lanes, const N: usize>(
     plane: &mut [f32],
     width: usize,
     height: usize,
@@ -62,16 +72,18 @@ fn separable_taps<L: Lanes>(
     weights: &[f32],
     scratch: &mut [f32],
 ) {
-    let taps = weights.len();
-    let radius = taps / 2;
-    if width == 0 || height == 0 || taps == 1 {
+    if width == 0 || height == 0 {
         return;
     }
+    let radius = N / 2;
+    let mut taps = [0.0; N];
+    taps[(N - weights.len()) / 2..][..weights.len()].copy_from_slice(weights);
+    let taps = taps.map(L::splat);
     let padded = width.next_multiple_of(WIDTH);
-    let (ring, line) = scratch[..scratch_len(width, taps)].split_at_mut(taps * padded);
+    let (ring, line) = scratch[..scratch_len(width, N)].split_at_mut(N * padded);
     line.fill(0.0);
 
-    let mut done = 0; // rows 0..done are filtered along x; the last `taps` of them are in the ring
+    let mut done = 0; // rows 0..done are filtered along x; the last N of them are in the ring
     for y in 0..height {
         while done < height.min(y + radius + 1) {
             let row = &plane[done * stride..done * stride + width];
@@ -80,42 +92,50 @@ fn separable_taps<L: Lanes>(
                 line[radius - i] = row[reflect101(-(i as isize), width)];
                 line[radius + width - 1 + i] = row[reflect101((width - 1 + i) as isize, width)];
             }
-            let slot = done % taps;
-            filter_line::<L>(line, weights, &mut ring[slot * padded..(slot + 1) * padded]);
+            let slot = done % N;
+            filter_line(line, &taps, &mut ring[slot * padded..(slot + 1) * padded]);
             done += 1;
         }
-        let mut rows: [&[f32]; MAX_TAPS] = [&[]; MAX_TAPS];
-        for (k, row) in rows[..taps].iter_mut().enumerate() {
-            let slot = reflect101((y + k) as isize - radius as isize, height) % taps;
-            *row = &ring[slot * padded..(slot + 1) * padded];
-        }
-        combine_rows::<L>(&rows[..taps], weights, &mut plane[y * stride..y * stride + width]);
+        let rows: [&[f32]; N] = std::array::from_fn(|k| {
+            let slot = reflect101((y + k) as isize - radius as isize, height) % N;
+            &ring[slot * padded..(slot + 1) * padded]
+        });
+        combine_rows(rows, &taps, &mut plane[y * stride..y * stride + width]);
     }
 }
 
-/// `out[x] = sum_k weights[k] line[x + k]`; `out` is a whole number of lanes.
+/// `out[x] = sum_k taps[k] line[x + k]`; `out` is a whole number of lanes.
 #[inline(always)]
-fn filter_line<L: Lanes>(line: &[f32], weights: &[f32], out: &mut [f32]) {
+fn filter_line<L: Lanes, const N: usize>(line: &[f32], taps: &[L; N], out: &mut [f32]) {
     for (i, o) in out.chunks_exact_mut(WIDTH).enumerate() {
-        let from = &line[i * WIDTH..i * WIDTH + WIDTH + weights.len() - 1];
-        let mut sum = L::load(&from[..WIDTH]).mul(L::splat(weights[0]));
-        for (k, &w) in weights.iter().enumerate().skip(1) {
-            sum = L::load(&from[k..k + WIDTH]).mul_add(L::splat(w), sum);
+        let from = &line[i * WIDTH..i * WIDTH + WIDTH + N - 1];
+        let mut sum = L::load(&from[..WIDTH]).mul(taps[0]);
+        for k in 1..N {
+            sum = L::load(&from[k..k + WIDTH]).mul_add(taps[k], sum);
         }
         sum.store(o);
     }
 }
 
-/// `out[x] = sum_k weights[k] rows[k][x]`; rows are whole numbers of lanes and at least as long as `out`.
+/// `out[x] = sum_k taps[k] rows[k][x]`; rows are whole numbers of lanes, `out.len()` rounded up.
 #[inline(always)]
-fn combine_rows<L: Lanes>(rows: &[&[f32]], weights: &[f32], out: &mut [f32]) {
-    let width = out.len();
-    for x in (0..width).step_by(WIDTH) {
-        let mut sum = L::load(&rows[0][x..x + WIDTH]).mul(L::splat(weights[0]));
-        for (row, &w) in rows.iter().zip(weights).skip(1) {
-            sum = L::load(&row[x..x + WIDTH]).mul_add(L::splat(w), sum);
+fn combine_rows<L: Lanes, const N: usize>(rows: [&[f32]; N], taps: &[L; N], out: &mut [f32]) {
+    let rows = rows.map(|row| &row[..out.len().next_multiple_of(WIDTH)]);
+    let sum_at = |x: usize| {
+        let mut sum = L::load(&rows[0][x..x + WIDTH]).mul(taps[0]);
+        for k in 1..N {
+            sum = L::load(&rows[k][x..x + WIDTH]).mul_add(taps[k], sum);
         }
-        sum.store_at(out, x);
+        sum
+    };
+    let whole = out.len() - out.len() % WIDTH;
+    let mut x = 0;
+    while x < whole {
+        sum_at(x).store(&mut out[x..x + WIDTH]);
+        x += WIDTH;
+    }
+    if x < out.len() {
+        sum_at(x).store_partial(&mut out[x..]);
     }
 }
 
