@@ -152,7 +152,7 @@ fn update(args: &CheckArgs, old: Option<&Baseline>, now: &Baseline) -> anyhow::R
         );
     }
     text += &format!(
-        "{name}: updated; {} worse, {} better, {} not comparable, {} unchanged, {} added, {} removed\n",
+        "{name}: updated; {} worse, {} better, {} over other frames, {} unchanged, {} added, {} removed\n",
         diff.drops.len(),
         diff.improved.len(),
         diff.unjudged.len(),
@@ -411,10 +411,25 @@ mod tests {
         let (good, bad, part) = (baseline("good"), baseline("bad"), baseline("part"));
         let tolerances = Tolerances::default();
         let print = |now: &Baseline, format| report(&good.compare(now, &tolerances), &tolerances, format);
-        insta::assert_snapshot!(print(&good, Format::Table), @"");
-        insta::assert_snapshot!(print(&bad, Format::Table), @"");
-        insta::assert_snapshot!(print(&part, Format::Md), @"");
-        insta::assert_snapshot!(print(&bad, Format::Csv).lines().take(2).collect::<Vec<_>>().join("\n"), @"");
+        insta::assert_snapshot!(print(&good, Format::Table), @"check passed: no drops, 0 improved, 9 unchanged (tolerances: sr_5 0.01, auc 0.005, al_median 0.05 px)");
+        insta::assert_snapshot!(print(&bad, Format::Table), @"
+        tracker         sequence      figure     baseline     now   change
+        esm/ssd/affine  builtin/wall  al_median    1.0000  9.0000  +8.0000
+        esm/ssd/affine  builtin/wall  sr_5         1.0000  0.3333  -0.6667
+        esm/ssd/affine  builtin/wall  auc          0.9567  0.7000  -0.2567
+        esm/ssd/affine  pooled        sr_5         1.0000  0.6000  -0.4000
+        esm/ssd/affine  pooled        auc          0.9740  0.8200  -0.1540
+
+        check failed: 5 drops in 1 tracker, 0 improved, 4 unchanged (tolerances: sr_5 0.01, auc 0.005, al_median 0.05 px)
+        ");
+        insta::assert_snapshot!(print(&part, Format::Md), @"
+        missing: esm/ssd/affine on builtin/book
+        check incomplete: no drops, 0 improved, 4 unchanged (tolerances: sr_5 0.01, auc 0.005, al_median 0.05 px)
+        ");
+        insta::assert_snapshot!(print(&bad, Format::Csv).lines().take(2).collect::<Vec<_>>().join("\n"), @"
+        tracker,sequence,figure,baseline,now,change
+        esm/ssd/affine,builtin/wall,al_median,1.0000,9.0000,+8.0000
+        ");
         let json: serde_json::Value = serde_json::from_str(&print(&bad, Format::Json)).unwrap();
         assert_eq!(
             (json["exit_code"].as_u64(), json["drops"][0]["figure"].as_str()),
@@ -423,6 +438,17 @@ mod tests {
 
         let args = runs.args(&["part", "--update-baseline"]);
         let text = update(&args, Some(&bad), &part).unwrap();
-        insta::assert_snapshot!(text.replace(&args.baseline.display().to_string(), "baseline.json"), @"");
+        insta::assert_snapshot!(text.replace(&args.baseline.display().to_string(), "baseline.json"), @"
+        tracker         sequence      figure     baseline     new   change
+        esm/ssd/affine  builtin/wall  al_median    9.0000  1.0000  -8.0000
+        esm/ssd/affine  builtin/wall  sr_5         0.3333  1.0000  +0.6667
+        esm/ssd/affine  builtin/wall  auc          0.7000  0.9567  +0.2567
+        esm/ssd/affine  pooled        sr_5         0.6000  1.0000  +0.4000
+        esm/ssd/affine  pooled        auc          0.8200  0.9567  +0.1367
+        esm/ssd/affine  pooled        al_median    0.5000  1.0000  +0.5000
+
+        removed: esm/ssd/affine on builtin/book
+        baseline.json: updated; 0 worse, 3 better, 3 over other frames, 0 unchanged, 0 added, 1 removed
+        ");
     }
 }

@@ -179,16 +179,8 @@ impl Baseline {
             line(key, &r.score, r.status.is_failed())
         });
         let mut figures: Vec<Line> = pooled.chain(sequences).collect();
-        figures.sort_by(|a, b| {
-            let order = |l: &Line| {
-                (
-                    l.key.tracker.clone(),
-                    l.key.protocol.clone(),
-                    !l.key.is_pooled(),
-                    l.key.clone(),
-                )
-            };
-            order(a).cmp(&order(b))
+        figures.sort_by_cached_key(|l| {
+            (l.key.tracker.clone(), l.key.protocol.clone(), !l.key.is_pooled(), l.key.clone())
         });
         Baseline {
             schema_version: SCHEMA_VERSION,
@@ -321,7 +313,23 @@ mod tests {
     fn file() {
         let command = ["builtin", "--sm", "esm,iclk"].map(str::to_owned).to_vec();
         let recorded = Baseline::new(&aggregate(&example::units()), command);
-        insta::assert_snapshot!(recorded.to_json(), @"");
+        insta::assert_snapshot!(recorded.to_json(), @r#"
+        {
+          "schema_version": 1,
+          "version": "0.1.0",
+          "command": ["builtin","--sm","esm,iclk"],
+          "figures": [
+            {"tracker":"esm/ssd/homography","dataset":"all","sequence":"pooled","start":0,"protocol":"ope","frames":6,"sr_5":1.0,"auc":0.963333,"al_median":0.175},
+            {"tracker":"esm/ssd/homography","dataset":"builtin","sequence":"book","start":0,"protocol":"ope","frames":2,"sr_5":1.0,"auc":1.0,"al_median":0.05},
+            {"tracker":"esm/ssd/homography","dataset":"builtin","sequence":"wall","start":0,"protocol":"ope","frames":4,"sr_5":1.0,"auc":0.945,"al_median":0.375},
+            {"tracker":"iclk/ssd/affine","dataset":"all","sequence":"pooled","start":0,"protocol":"ope","frames":6,"sr_5":0.666667,"auc":0.633333,"al_median":2.0},
+            {"tracker":"iclk/ssd/affine","dataset":"builtin","sequence":"book","start":0,"protocol":"ope","frames":2,"sr_5":1.0,"auc":0.995,"al_median":0.2},
+            {"tracker":"iclk/ssd/affine","dataset":"builtin","sequence":"wall","start":0,"protocol":"ope","frames":4,"sr_5":0.5,"auc":0.4525,"al_median":16.25},
+            {"tracker":"nn/mi/affine","dataset":"all","sequence":"pooled","start":0,"protocol":"ope","frames":2,"sr_5":0.0,"auc":0.0,"al_median":null},
+            {"tracker":"nn/mi/affine","dataset":"builtin","sequence":"wall","start":0,"protocol":"ope","frames":2,"failed":true,"sr_5":0.0,"auc":0.0,"al_median":null}
+          ]
+        }
+        "#);
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("baseline.json");
         recorded.write(&path).unwrap();

@@ -279,13 +279,13 @@ mod tests {
 
     #[test]
     fn drops_and_improvements() {
-        let c = compare(&one(&[Some(1.0), Some(1.0)]), &one(&[Some(1.0), Some(6.0)]));
+        let c = compare(&one(&[Some(1.0), Some(1.0)]), &one(&[Some(1.0), Some(8.0)]));
         assert_eq!(c.verdict(), Verdict::Dropped);
-        // sr_5 1 -> 0.5, auc falls, median 1 -> 3.5, each pooled and on the sequence.
+        // sr_5 1 -> 0.5, auc falls, median 1 -> 4.5, each pooled and on the sequence.
         assert_eq!((c.drops.len(), c.unchanged), (6, 0));
         assert_eq!(
             (c.drops[0].figure, c.drops[0].baseline, c.drops[0].now),
-            (Figure::AlMedian, 1.0, 3.5)
+            (Figure::AlMedian, 1.0, 4.5)
         );
         assert!(c.drops[0].key.is_pooled());
         let back = compare(&one(&[Some(1.0), Some(6.0)]), &one(&[Some(1.0), Some(1.0)]));

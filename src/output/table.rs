@@ -258,14 +258,28 @@ mod tests {
 
     #[test]
     fn for_people() {
-        insta::assert_snapshot!(print(TableOptions::default()), @"");
+        insta::assert_snapshot!(print(TableOptions::default()), @"
+        tracker              SR@1   SR@2   SR@5  SR@10  SR@20    AUC  AL median  failures  frames  failed runs
+        esm/ssd/homography  0.833  0.833  1.000  1.000  1.000  0.963       0.17         0       6
+        iclk/ssd/affine     0.333  0.500  0.667  0.667  0.667  0.633       2.00         2       6
+        nn/mi/affine        0.000  0.000  0.000  0.000  0.000  0.000        inf         2       2       1 of 1
+
+        1 of 5 runs failed (see sequences.csv)
+        ");
         let two = TableOptions {
             format: Format::Md,
             top: 2,
             sort: "al_median".to_owned(),
             colour: false,
         };
-        insta::assert_snapshot!(print(two), @"");
+        insta::assert_snapshot!(print(two), @"
+        | tracker            |  SR@1 |  SR@2 |  SR@5 | SR@10 | SR@20 |   AUC | AL median | failures | frames |
+        |--------------------|-------|-------|-------|-------|-------|-------|-----------|----------|--------|
+        | esm/ssd/homography | 0.833 | 0.833 | 1.000 | 1.000 | 1.000 | 0.963 |      0.17 |        0 |      6 |
+        | iclk/ssd/affine    | 0.333 | 0.500 | 0.667 | 0.667 | 0.667 | 0.633 |      2.00 |        2 |      6 |
+
+        1 more tracker (--top 0 shows all); 1 of 5 runs failed (see sequences.csv)
+        ");
         assert!(
             print(TableOptions {
                 colour: true,
