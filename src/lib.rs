@@ -2,11 +2,16 @@
 //! evaluation on image sequences with ground truth.
 #![deny(missing_docs)]
 
+pub mod am;
 pub mod dataset;
 pub mod eval;
 pub mod geom;
 pub mod image;
 pub mod kernels;
 pub mod output;
+pub mod params;
+pub mod registry;
+pub mod sm;
+pub mod ssm;
 pub mod synth;
 pub mod tracker;
