@@ -142,6 +142,9 @@ pub trait StateSpaceModel: Send {
     /// Grid points in the base frame.
     fn grid(&self) -> Points<'_>;
 
+    /// Current place of grid point `i` in image pixels, in `f64`: the slow reference of [`warp_into`](Self::warp_into).
+    fn point(&self, i: usize) -> [f64; 2];
+
     /// Writes the current points in image pixels.
     fn warp_into(&self, x: &mut [f32], y: &mut [f32]);
 
@@ -200,6 +203,9 @@ impl<T: StateSpaceModel + ?Sized> StateSpaceModel for Box<T> {
     }
     fn grid(&self) -> Points<'_> {
         (**self).grid()
+    }
+    fn point(&self, i: usize) -> [f64; 2] {
+        (**self).point(i)
     }
     fn warp_into(&self, x: &mut [f32], y: &mut [f32]) {
         (**self).warp_into(x, y)
