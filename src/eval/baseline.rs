@@ -180,7 +180,12 @@ impl Baseline {
         });
         let mut figures: Vec<Line> = pooled.chain(sequences).collect();
         figures.sort_by_cached_key(|l| {
-            (l.key.tracker.clone(), l.key.protocol.clone(), !l.key.is_pooled(), l.key.clone())
+            (
+                l.key.tracker.clone(),
+                l.key.protocol.clone(),
+                !l.key.is_pooled(),
+                l.key.clone(),
+            )
         });
         Baseline {
             schema_version: SCHEMA_VERSION,
