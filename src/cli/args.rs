@@ -1,5 +1,6 @@
 //! The command line as typed: structures for clap and the little grammars of their values. No logic.
 
+use super::check::CheckArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use mtf_eval::output::Format;
 use mtf_eval::params::{ParamValue, Resolution};
@@ -83,6 +84,8 @@ pub enum ProgressMode {
 pub enum Command {
     /// Track every requested combination over every sequence, write a run directory, print a table
     Run(Box<RunArgs>),
+    /// Compare a run with a recorded baseline: exit 0 or 10
+    Check(CheckArgs),
     /// What exists: models, trackers, parameters, metrics, data
     List(ListArgs),
     /// Print a completion script for a shell

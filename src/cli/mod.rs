@@ -1,6 +1,7 @@
 //! The command line: arguments, what each subcommand does with the library, messages and exit codes.
 
 mod args;
+mod check;
 mod list;
 mod progress;
 mod run;
@@ -155,6 +156,11 @@ fn dispatch(cli: Cli, console: &Console) -> Outcome {
     match cli.command {
         Command::Run(args) => run::run(&args, cli.messages.progress, console),
         Command::List(args) => list::run(&args),
+        Command::Check(args) => {
+            let progress = cli.messages.progress;
+            let again = |command: &[String]| Ok(run::run_recorded(command, progress, console)?);
+            check::run(&args, &again).or_else(ended)
+        }
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "mtf-eval", &mut script);
@@ -162,6 +168,16 @@ fn dispatch(cli: Cli, console: &Console) -> Outcome {
         }
         Command::Man => print(&manual()?).map(|()| ExitCode::SUCCESS),
     }
+}
+
+/// What an error of a command means to the caller.
+fn ended(error: anyhow::Error) -> Outcome {
+    let closed = |e: &io::Error| e.kind() == io::ErrorKind::BrokenPipe;
+    if error.chain().any(|cause| cause.downcast_ref().is_some_and(closed)) {
+        return Ok(ExitCode::SUCCESS);
+    }
+    let code = error.downcast_ref().map_or(exit::USAGE, |failure: &Failure| failure.code);
+    Err(Failure::new(code, format!("{error:#}")))
 }
 
 /// The manual page: the program, then each subcommand.

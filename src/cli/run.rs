@@ -7,11 +7,13 @@ use super::progress::Progress;
 use super::{Console, Failure, Outcome, exit, print};
 use globset::{GlobBuilder, GlobSet, GlobSetBuilder};
 use mtf_eval::dataset::{self, LoadOptions, Sequence};
-use mtf_eval::eval::{self, FrameLogs, RunError, RunRequest, TrackerEntry};
+use clap::Parser;
+use mtf_eval::eval::baseline::recordable;
+use mtf_eval::eval::{self, FrameLogs, RunError, RunReport, RunRequest, TrackerEntry};
 use mtf_eval::image::parse_preprocessor;
 use mtf_eval::output::{TableOptions, table};
 use mtf_eval::registry::{Registry, Selection};
-use serde_json::{Map, json};
+use serde_json::Map;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -28,15 +30,8 @@ const FAILURES_SHOWN: usize = 5;
 /// # Errors
 /// Wrong arguments, unusable data or output directory, nothing selected, or stopped early.
 pub fn run(args: &RunArgs, progress: ProgressMode, console: &Console) -> Outcome {
-    let request = request(args, console)?;
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
-        // A second signal ends the process at once: a killed run is resumed all the same.
-        signal_hook::flag::register_conditional_default(signal, Arc::clone(&stop))
-            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
-            .map_err(|e| Failure::usage(format!("cannot handle signals: {e}")))?;
-    }
-    let report = eval::run(&request, &Progress::new(console, progress), &stop).map_err(failure)?;
+    let command: Vec<String> = std::env::args().collect();
+    let report = track(args, &command, progress, console)?;
     let options = TableOptions {
         format: args.table.format,
         sort: args.table.sort.clone(),
@@ -48,17 +43,41 @@ pub fn run(args: &RunArgs, progress: ProgressMode, console: &Console) -> Outcome
         console.warn(&format!("{unit}: {reason}"));
     }
     if report.failed.len() > FAILURES_SHOWN {
-        console.warn(&format!(
-            "{} more failed, see sequences.csv",
-            report.failed.len() - FAILURES_SHOWN
-        ));
+        console.warn(&format!("{} more failed, see sequences.csv", report.failed.len() - FAILURES_SHOWN));
     }
     console.note(&format!("results in {}", report.path.display()));
-    Ok(ExitCode::from(if report.failed.is_empty() {
-        0
-    } else {
-        exit::FAILED
-    }))
+    Ok(ExitCode::from(if report.failed.is_empty() { 0 } else { exit::FAILED }))
+}
+
+/// Runs the arguments of another `run`, as a baseline records them; returns the run directory.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_recorded(command: &[String], progress: ProgressMode, console: &Console) -> Result<PathBuf, Failure> {
+    let words = ["mtf-eval", "run"].into_iter().map(str::to_owned).chain(command.iter().cloned());
+    match Cli::try_parse_from(words).map(|cli| cli.command) {
+        Ok(Command::Run(args)) => Ok(track(&args, command, progress, console)?.path),
+        Ok(_) => Err(Failure::usage("not the arguments of a run")),
+        Err(error) => Err(Failure::usage(error.render())),
+    }
+}
+
+/// Tracks what `args` ask for. `command` is how they were given.
+fn track(
+    args: &RunArgs,
+    command: &[String],
+    progress: ProgressMode,
+    console: &Console,
+) -> Result<RunReport, Failure> {
+    let request = request(args, command, console)?;
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        // A second signal ends the process at once: a killed run is resumed all the same.
+        signal_hook::flag::register_conditional_default(signal, Arc::clone(&stop))
+            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
+            .map_err(|e| Failure::usage(format!("cannot handle signals: {e}")))?;
+    }
+    eval::run(&request, &Progress::new(console, progress), &stop).map_err(failure)
 }
 
 fn failure(error: RunError) -> Failure {
@@ -71,7 +90,7 @@ fn failure(error: RunError) -> Failure {
 }
 
 /// The request that the arguments describe.
-fn request(args: &RunArgs, console: &Console) -> Result<RunRequest, Failure> {
+fn request(args: &RunArgs, command: &[String], console: &Console) -> Result<RunRequest, Failure> {
     let pre = parse_preprocessor(&args.trackers.pre).map_err(Failure::usage)?;
     let trackers = trackers(&args.trackers, &Arc::new(Registry::builtin()), console)?;
     let sequences = sequences(&args.data, &args.selection, console)?;
@@ -84,11 +103,16 @@ fn request(args: &RunArgs, console: &Console) -> Result<RunRequest, Failure> {
         timeout,
         frame_logs,
     } = args.execution.clone();
+    // Only what defines the results, so that the file does not depend on threads or places.
+    let mut command = recordable(command);
+    if args.data.is_empty() {
+        command.insert(0, dataset::BUILTIN.into());
+    }
     let mut about = Map::new();
     about.insert("frame_gap".into(), args.selection.frame_gap.into());
     about.insert("max_frames".into(), args.selection.max_frames.into());
+    about.insert("command".into(), command.into());
     let mut host = Map::new();
-    host.insert("command".into(), json!(std::env::args().collect::<Vec<_>>()));
     host.insert("revision".into(), option_env!("MTF_EVAL_REVISION").into());
     let mut request = RunRequest {
         trackers,

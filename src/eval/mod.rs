@@ -2,7 +2,9 @@
 //! their execution into a run directory.
 
 pub mod aggregate;
+pub mod baseline;
 pub mod error;
+pub mod gate;
 pub mod journal;
 mod lanes;
 pub mod panics;

@@ -80,9 +80,18 @@ pub enum RunError {
     /// Worker threads cannot be started.
     #[error("cannot start worker threads: {0}")]
     Threads(String),
-    /// The result files cannot be written.
+    /// The result files cannot be made.
     #[error(transparent)]
-    Output(#[from] OutputError),
+    Output(OutputError),
+}
+
+impl From<OutputError> for RunError {
+    fn from(error: OutputError) -> RunError {
+        match error {
+            OutputError::Io { path, source } => RunError::io(&path, source),
+            other => RunError::Output(other),
+        }
+    }
 }
 
 impl RunError {
@@ -183,10 +192,21 @@ impl RunDir {
             path: path.to_path_buf(),
             lock,
         };
+        dir.sweep()?;
         if fresh {
             dir.clear()?;
         }
         Ok(dir)
+    }
+
+    /// Removes temporary files that a killed run left at the top.
+    fn sweep(&self) -> Result<(), RunError> {
+        for entry in fs::read_dir(&self.path).map_err(|e| RunError::io(&self.path, e))?.flatten() {
+            if entry.file_name().to_string_lossy().ends_with(".tmp") {
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+        Ok(())
     }
 
     fn clear(&self) -> Result<(), RunError> {
@@ -248,11 +268,11 @@ impl Drop for RunDir {
 }
 
 /// Writes a file so that its name never shows part of it: temporary name, sync (when asked), rename. Missing folders are
-/// made.
+/// made. The temporary name is always the same, so what a killed run leaves is replaced by the next.
 ///
 /// # Errors
 /// A folder or the file cannot be written.
-pub fn write_atomic(path: &Path, bytes: &[u8], sync: bool) -> Result<(), RunError> {
+pub(super) fn write_atomic(path: &Path, bytes: &[u8], sync: bool) -> Result<(), RunError> {
     let io = |e| RunError::io(path, e);
     let mut name = path.file_name().unwrap_or_default().to_os_string();
     name.push(".tmp");

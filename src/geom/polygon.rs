@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn concave_and_crossed() {
         let square = Corners::rect(0.0, 0.0, 4.0, 4.0);
-        // Arrow head: the square's lower-right half less the triangle (4,0) (4,4)... its area is 4.
+        // Arrow head: the square's upper-left half (8 px²) with its long side pushed in; area 4.
         let arrow = Corners([[0.0, 0.0], [4.0, 0.0], [1.0, 1.0], [0.0, 4.0]]);
         assert_abs_diff_eq!(
             jaccard_distance(&arrow, &square),

@@ -214,6 +214,103 @@ mod tests {
         let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
         assert_eq!(value["thresholds"]["al"].as_array().unwrap().len(), 101);
         value["thresholds"] = "...".into();
-        insta::assert_snapshot!(serde_json::to_string_pretty(&value).unwrap(), @"");
+        insta::assert_snapshot!(serde_json::to_string_pretty(&value).unwrap(), @r#"
+        {
+          "schema_version": 1,
+          "tool": "mtf-eval",
+          "version": "0.1.0",
+          "thresholds": "...",
+          "trackers": [
+            {
+              "tracker": "esm/ssd/homography",
+              "sm": "esm",
+              "am": "ssd",
+              "ssm": "homography",
+              "ilm": "",
+              "aggregates": [
+                {
+                  "average": "pooled",
+                  "metric": "al",
+                  "protocol": "ope",
+                  "sequences": 1,
+                  "runs": 1,
+                  "failed_runs": 0,
+                  "frames": 2,
+                  "sr_1": 0.5,
+                  "sr_2": 0.5,
+                  "sr_5": 0.5,
+                  "sr_10": 0.5,
+                  "sr_20": 0.5,
+                  "auc": 0.5,
+                  "sr_area": 9.494949,
+                  "al_mean": 10.0,
+                  "al_median": null,
+                  "al_tracked": 0.0,
+                  "mcd_mean": 10.0,
+                  "mcd_median": null,
+                  "cl_mean": 10.0,
+                  "cl_median": null,
+                  "jaccard_mean": 0.5,
+                  "jaccard_median": 0.5,
+                  "failures": 1
+                },
+                {
+                  "average": "seq_mean",
+                  "metric": "al",
+                  "protocol": "ope",
+                  "sequences": 1,
+                  "runs": 1,
+                  "failed_runs": 0,
+                  "frames": 2,
+                  "sr_1": 0.5,
+                  "sr_2": 0.5,
+                  "sr_5": 0.5,
+                  "sr_10": 0.5,
+                  "sr_20": 0.5,
+                  "auc": 0.5,
+                  "sr_area": 9.494949,
+                  "al_mean": 10.0,
+                  "al_median": null,
+                  "al_tracked": 0.0,
+                  "mcd_mean": 10.0,
+                  "mcd_median": null,
+                  "cl_mean": 10.0,
+                  "cl_median": null,
+                  "jaccard_mean": 0.5,
+                  "jaccard_median": 0.5,
+                  "failures": 1
+                }
+              ],
+              "sequences": [
+                {
+                  "dataset": "builtin",
+                  "sequence": "wall",
+                  "start": 0,
+                  "protocol": "ope",
+                  "status": "ok",
+                  "frames": 2,
+                  "sr_1": 0.5,
+                  "sr_2": 0.5,
+                  "sr_5": 0.5,
+                  "sr_10": 0.5,
+                  "sr_20": 0.5,
+                  "auc": 0.5,
+                  "sr_area": 9.494949,
+                  "al_mean": 10.0,
+                  "al_median": null,
+                  "al_tracked": 0.0,
+                  "mcd_mean": 10.0,
+                  "mcd_median": null,
+                  "cl_mean": 10.0,
+                  "cl_median": null,
+                  "jaccard_mean": 0.5,
+                  "jaccard_median": 0.5,
+                  "failures": 1
+                }
+              ]
+            }
+          ]
+        }
+        "#);
     }
 }

@@ -122,8 +122,8 @@ fn draw(root: &Area, results: &Results, title: &str) -> Result<(), Box<dyn std::
         .margin_right(16 * SCALE)
         .margin_bottom(8 * SCALE)
         .margin_left(10 * SCALE)
-        .x_label_area_size(46 * SCALE)
-        .y_label_area_size(56 * SCALE)
+        .x_label_area_size(44 * SCALE)
+        .y_label_area_size(58 * SCALE)
         .build_cartesian_2d(0.0..LOST_PX, 0.0..1.0)?;
     chart
         .configure_mesh()
@@ -133,6 +133,7 @@ fn draw(root: &Area, results: &Results, title: &str) -> Result<(), Box<dyn std::
         .y_label_formatter(&|r| format!("{r:.1}"))
         .light_line_style(TRANSPARENT)
         .bold_line_style(GRID.stroke_width(SCALE))
+        .set_all_tick_mark_size(5 * SCALE)
         .axis_style(INK.stroke_width(SCALE))
         .label_style(text(12))
         .axis_desc_style(text(14))
@@ -241,54 +242,5 @@ mod tests {
     fn shortened_in_the_middle() {
         assert_eq!(shorten("abcdefghij", 5), "ab…ij");
         assert_eq!(shorten("abc", 5), "abc");
-    }
-}
-
-#[cfg(test)]
-mod look {
-    use crate::eval::aggregate::{aggregate, example};
-    #[test]
-    fn draw_for_eyes() {
-        let names = [
-            "esm/ssd/homography",
-            "iclk/ssd/homography",
-            "fclk/ssd/homography",
-            "falk/zncc/affine",
-            "ialk/ncc/affine{max_iters=50}",
-            "nn/ssd/translation",
-            "pf/mi/similitude",
-            "cascade(lms/ncc/homography, esm/zncc/homography)",
-            "lmes/ncc/homography",
-            "ransac/ssd/homography",
-            "grid(fclk/ncc/translation; ssm=homography, estimator=lmeds, size=10x10)",
-            "a/b/c",
-        ];
-        let units: Vec<_> = names
-            .iter()
-            .enumerate()
-            .map(|(i, n)| {
-                let i = if i == 1 || i == 2 { 0 } else { i };
-                let e: Vec<_> = (0..200)
-                    .map(|k| {
-                        let u = (k as f64 + 0.5) / 200.0;
-                        if u > 1.0 - 0.08 * i as f64 {
-                            None
-                        } else {
-                            Some(0.3 * (1.0 + 0.4 * i as f64) / (1.001 - u))
-                        }
-                    })
-                    .collect();
-                example::unit(n, "wall", &e)
-            })
-            .collect();
-        std::fs::write(
-            "/tmp/success.svg",
-            super::success_svg(
-                &aggregate(&units),
-                "Success rate: builtin, 12 sequences, one pass (ope)",
-            )
-            .unwrap(),
-        )
-        .unwrap();
     }
 }

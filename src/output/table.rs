@@ -190,9 +190,20 @@ pub(crate) fn short(v: f64, decimals: usize) -> String {
     }
 }
 
-/// Lays out rows of text as `Table` or `Md` (also what `Json` and `Csv` fall back to), the first column left-aligned,
-/// the others right-aligned; ends in a newline.
+/// Lays out rows of text as `Csv`, `Md` or (anything else) `Table`: cells that begin like numbers are right-aligned;
+/// ends in a newline.
 pub fn render(header: &[&str], rows: &[Vec<String>], format: Format, colour: bool) -> String {
+    if format == Format::Csv {
+        let mut writer = ::csv::Writer::from_writer(Vec::new());
+        // Writing rows of one length to memory cannot fail.
+        let _ = writer.write_record(header);
+        rows.iter().for_each(|row| drop(writer.write_record(row)));
+        return writer
+            .into_inner()
+            .ok()
+            .and_then(|b| String::from_utf8(b).ok())
+            .unwrap_or_default();
+    }
     let mut grid = Grid::new();
     grid.load_preset(if format == Format::Md {
         presets::ASCII_MARKDOWN
@@ -210,8 +221,13 @@ pub fn render(header: &[&str], rows: &[Vec<String>], format: Format, colour: boo
             }
         }));
     }
-    for column in grid.column_iter_mut().skip(1) {
-        column.set_cell_alignment(CellAlignment::Right);
+    let number = |c: &str| {
+        c.is_empty() || c == "inf" || c.starts_with(|d: char| d.is_ascii_digit() || "+-".contains(d))
+    };
+    for (i, column) in grid.column_iter_mut().enumerate().skip(1) {
+        if rows.iter().all(|row| row.get(i).is_none_or(|c| number(c))) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
     }
     let mut text = String::new();
     for (i, line) in grid.lines().enumerate() {
@@ -242,14 +258,28 @@ mod tests {
 
     #[test]
     fn for_people() {
-        insta::assert_snapshot!(print(TableOptions::default()), @"");
+        insta::assert_snapshot!(print(TableOptions::default()), @"
+        tracker              SR@1   SR@2   SR@5  SR@10  SR@20    AUC  AL median  failures  frames  failed runs
+        esm/ssd/homography  0.833  0.833  1.000  1.000  1.000  0.963       0.17         0       6
+        iclk/ssd/affine     0.333  0.500  0.667  0.667  0.667  0.633       2.00         2       6
+        nn/mi/affine        0.000  0.000  0.000  0.000  0.000  0.000        inf         2       2       1 of 1
+
+        1 of 5 runs failed (see sequences.csv)
+        ");
         let two = TableOptions {
             format: Format::Md,
             top: 2,
             sort: "al_median".to_owned(),
             colour: false,
         };
-        insta::assert_snapshot!(print(two), @"");
+        insta::assert_snapshot!(print(two), @"
+        | tracker            |  SR@1 |  SR@2 |  SR@5 | SR@10 | SR@20 |   AUC | AL median | failures | frames |
+        |--------------------|-------|-------|-------|-------|-------|-------|-----------|----------|--------|
+        | esm/ssd/homography | 0.833 | 0.833 | 1.000 | 1.000 | 1.000 | 0.963 |      0.17 |        0 |      6 |
+        | iclk/ssd/affine    | 0.333 | 0.500 | 0.667 | 0.667 | 0.667 | 0.633 |      2.00 |        2 |      6 |
+
+        1 more tracker (--top 0 shows all); 1 of 5 runs failed (see sequences.csv)
+        ");
         assert!(
             print(TableOptions {
                 colour: true,
