@@ -29,13 +29,19 @@ fn cases() -> Vec<Case> {
                     continue;
                 }
                 let mut r = common::rng(seed);
-                let shape = PatchShape { res: Resolution { cols: 13, rows: 11 }, channels };
+                let shape = PatchShape {
+                    res: Resolution { cols: 13, rows: 11 },
+                    channels,
+                };
                 let waves = common::Waves::new(seed + 10);
                 let patch = |dx: f64, gain: f64| -> Vec<f32> {
                     (0..shape.len())
                         .map(|i| {
                             let (c, p) = (i / 143, i % 143);
-                            let (x, y) = ((p % 13) as f64 * 4.0 + dx + 90.0 * c as f64, (p / 13) as f64 * 4.0);
+                            let (x, y) = (
+                                (p % 13) as f64 * 4.0 + dx + 90.0 * c as f64,
+                                (p / 13) as f64 * 4.0,
+                            );
                             (gain * (waves.at(x, y) - 128.0) + 120.0) as f32
                         })
                         .collect()
@@ -43,11 +49,19 @@ fn cases() -> Vec<Case> {
                 let (template, current) = (patch(0.0, 1.0), patch(2.5, 0.9));
                 let mut j = Jacobian::new(shape.len(), S);
                 for k in 0..S {
-                    j.col_mut(k).iter_mut().for_each(|v| *v = r.random_range(-20.0..20.0));
+                    j.col_mut(k)
+                        .iter_mut()
+                        .for_each(|v| *v = r.random_range(-20.0..20.0));
                 }
                 am.set_template(shape, &template).unwrap();
                 am.set_current(&current);
-                out.push(Case { name: entry.name, am, template, current, j });
+                out.push(Case {
+                    name: entry.name,
+                    am,
+                    template,
+                    current,
+                    j,
+                });
             }
         }
     }
@@ -104,7 +118,12 @@ fn relative(a: &SymMatrix, b: &SymMatrix) -> f64 {
 fn similarity_is_its_definition() {
     for c in cases() {
         let exact = c.am.reference(&wide(&c.template), &wide(&c.current));
-        assert!((c.am.similarity() - exact).abs() <= 1e-5 * exact.abs(), "{}: {} {exact}", c.name, c.am.similarity());
+        assert!(
+            (c.am.similarity() - exact).abs() <= 1e-5 * exact.abs(),
+            "{}: {} {exact}",
+            c.name,
+            c.am.similarity()
+        );
     }
 }
 
@@ -119,7 +138,11 @@ fn gradients_agree_with_central_differences() {
             for k in 0..g.len() {
                 let at = |d: f64| {
                     let (mut t, mut i) = (t.clone(), i.clone());
-                    if side == Side::Template { t[k] += d } else { i[k] += d }
+                    if side == Side::Template {
+                        t[k] += d
+                    } else {
+                        i[k] += d
+                    }
                     c.am.reference(&t, &i)
                 };
                 // A step of 1e-2 gray levels: truncation and rounding are both near 1e-9.
@@ -156,12 +179,19 @@ fn self_hessian_is_the_hessian_at_equality() {
     for entry in AMS {
         for mut c in cases().into_iter().filter(|c| c.name == entry.name) {
             for side in [Side::Template, Side::Current] {
-                let own = if side == Side::Template { c.template.clone() } else { c.current.clone() };
+                let own = if side == Side::Template {
+                    c.template.clone()
+                } else {
+                    c.current.clone()
+                };
                 let mut h = SymMatrix::new(S);
                 c.am.self_hessian_into(side, &c.j, &mut h);
                 // The same from a model whose two patches are equal.
                 let channels = own.len() / 143;
-                let shape = PatchShape { res: Resolution { cols: 13, rows: 11 }, channels };
+                let shape = PatchShape {
+                    res: Resolution { cols: 13, rows: 11 },
+                    channels,
+                };
                 let mut equal = (entry.build)(&[]).unwrap();
                 equal.set_template(shape, &own).unwrap();
                 equal.set_current(&own);
@@ -169,7 +199,12 @@ fn self_hessian_is_the_hessian_at_equality() {
                 equal.hessian_into(Side::Current, &c.j, &mut expected);
                 assert!(relative(&h, &expected) < 1e-5, "{} {side:?}", c.name);
                 let numeric = numeric_hessian(&|p| equal.reference(&wide(&own), &moved(&own, &c.j, p)));
-                assert!(relative(&h, &numeric) < 1e-5, "{} {side:?}: {:e}", c.name, relative(&h, &numeric));
+                assert!(
+                    relative(&h, &numeric) < 1e-5,
+                    "{} {side:?}: {:e}",
+                    c.name,
+                    relative(&h, &numeric)
+                );
             }
         }
     }
@@ -196,8 +231,12 @@ fn linearise_is_gradient_and_hessian_at_once() {
                             let mut p = [0.0; S];
                             p[k] = d;
                             match side {
-                                Side::Template => c.am.reference(&moved(&c.template, &c.j, &p), &wide(&c.current)),
-                                Side::Current => c.am.reference(&wide(&c.template), &moved(&c.current, &c.j, &p)),
+                                Side::Template => {
+                                    c.am.reference(&moved(&c.template, &c.j, &p), &wide(&c.current))
+                                }
+                                Side::Current => {
+                                    c.am.reference(&wide(&c.template), &moved(&c.current, &c.j, &p))
+                                }
                             }
                         };
                         (at(H) - at(-H)) / (2.0 * H)
@@ -220,7 +259,11 @@ fn perfect_alignment_is_the_maximum() {
         let f = c.am.similarity();
         c.am.set_current(&c.template.clone());
         assert!(c.am.similarity() > f, "{}", c.name);
-        assert!(c.am.likelihood() > likelihood && c.am.likelihood() <= 1.0 + 1e-9, "{}", c.name);
+        assert!(
+            c.am.likelihood() > likelihood && c.am.likelihood() <= 1.0 + 1e-9,
+            "{}",
+            c.name
+        );
         let mut g = vec![0.0; c.template.len()];
         c.am.gradient_into(Side::Current, &mut g);
         let size: f64 = g.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt();
@@ -236,7 +279,10 @@ fn perfect_alignment_is_the_maximum() {
 fn distance_orders_patches_as_the_similarity_does() {
     for entry in AMS {
         let mut r = common::rng(3);
-        let shape = PatchShape { res: Resolution { cols: 13, rows: 11 }, channels: 1 };
+        let shape = PatchShape {
+            res: Resolution { cols: 13, rows: 11 },
+            channels: 1,
+        };
         let waves = common::Waves::new(4);
         let patch = |dx: f64, gain: f64| -> Vec<f32> {
             (0..143)
@@ -255,7 +301,10 @@ fn distance_orders_patches_as_the_similarity_does() {
             .map(|_| {
                 let p = patch(r.random_range(-6.0..6.0), r.random_range(0.8..1.2));
                 am.set_current(&p);
-                (am.similarity(), am.distance(&feature(&*am, &p), &stored, f32::INFINITY))
+                (
+                    am.similarity(),
+                    am.distance(&feature(&*am, &p), &stored, f32::INFINITY),
+                )
             })
             .collect();
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -269,15 +318,23 @@ fn distance_orders_patches_as_the_similarity_does() {
 #[test]
 fn flat_and_saturated_patches_are_no_numbers_in_disguise() {
     for entry in AMS {
-        let shape = PatchShape { res: Resolution { cols: 13, rows: 11 }, channels: 1 };
+        let shape = PatchShape {
+            res: Resolution { cols: 13, rows: 11 },
+            channels: 1,
+        };
         let waves = common::Waves::new(4);
-        let textured: Vec<f32> =
-            (0..143).map(|i| waves.at((i % 13) as f64 * 4.0, (i / 13) as f64 * 4.0) as f32).collect();
+        let textured: Vec<f32> = (0..143)
+            .map(|i| waves.at((i % 13) as f64 * 4.0, (i / 13) as f64 * 4.0) as f32)
+            .collect();
         let mut am = (entry.build)(&[]).unwrap();
         am.set_template(shape, &textured).unwrap();
         for level in [0.0, 128.0, 255.0] {
             am.set_current(&[level; 143]);
-            assert!(am.similarity().is_finite() && am.likelihood().is_finite(), "{}", entry.name);
+            assert!(
+                am.similarity().is_finite() && am.likelihood().is_finite(),
+                "{}",
+                entry.name
+            );
             let mut g = vec![f32::NAN; 143];
             if am.capabilities().derivatives {
                 am.gradient_into(Side::Current, &mut g);

@@ -16,11 +16,22 @@ fn quad() -> Corners {
 fn all(extra: &[(&str, &str)]) -> Vec<(String, Box<dyn Tracker>)> {
     let registry = Registry::builtin();
     let list = |s: &str| vec![s.to_owned()];
-    let set = extra.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
-    let selection =
-        Selection { sm: list("gradient"), am: list("all"), ssm: list("homography"), set, ..Default::default() };
+    let set = extra
+        .iter()
+        .map(|(k, v)| (k.to_string(), v.to_string()))
+        .collect();
+    let selection = Selection {
+        sm: list("gradient"),
+        am: list("all"),
+        ssm: list("homography"),
+        set,
+        ..Default::default()
+    };
     let specs = registry.expand(&selection).unwrap().specs;
-    specs.iter().map(|s| (s.to_string(), registry.build(s).unwrap())).collect()
+    specs
+        .iter()
+        .map(|s| (s.to_string(), registry.build(s).unwrap()))
+        .collect()
 }
 
 fn still(waves: &Waves) -> mtf_eval::image::Frame {
@@ -40,12 +51,20 @@ fn recovers_random_homographies() {
             tracker.init(&still(&waves), &quad()).unwrap();
             let update = tracker.update(&moved).unwrap_or_else(|e| panic!("{id}: {e}"));
             let error = alignment_error(&update.corners, &truth);
-            assert!(error < 0.01, "{id}, seed {seed}: {error} px after {} iterations", update.iterations);
+            assert!(
+                error < 0.01,
+                "{id}, seed {seed}: {error} px after {} iterations",
+                update.iterations
+            );
             results.push((id, update.corners));
         }
         // All methods end in the same place.
         for (id, c) in &results[1..] {
-            assert!(alignment_error(c, &results[0].1) < 0.01, "{id} and {}", results[0].0);
+            assert!(
+                alignment_error(c, &results[0].1) < 0.01,
+                "{id} and {}",
+                results[0].0
+            );
         }
     }
 }
@@ -58,14 +77,30 @@ fn every_hessian_and_option_recovers_small_motion() {
     let (first, moved) = (still(&waves), waves.moved(SIZE.0, SIZE.1, &motion));
     let registry = Registry::builtin();
     for sm in registry.sms().iter().filter(|e| e.groups.contains(&"gradient")) {
-        for hess in ["initial_self", "current_self", "sum_of_self", "original", "sum_of_std", "std"] {
-            for options in ["", ",second_order=1", ",leven_marq=1", ",second_order=1,leven_marq=1", ",channels=3"] {
+        for hess in [
+            "initial_self",
+            "current_self",
+            "sum_of_self",
+            "original",
+            "sum_of_std",
+            "std",
+        ] {
+            for options in [
+                "",
+                ",second_order=1",
+                ",leven_marq=1",
+                ",second_order=1,leven_marq=1",
+                ",channels=3",
+            ] {
                 for am in ["ssd", "zncc", "ncc"] {
                     // Far from the maximum the template-side Hessian of NCC is indefinite under the inverse additive method.
                     if (sm.name, am, hess) == ("ialk", "ncc", "std") {
                         continue;
                     }
-                    let id = format!("{}/{am}/homography{{hess={hess},max_iters=100,epsilon=1e-9{options}}}", sm.name);
+                    let id = format!(
+                        "{}/{am}/homography{{hess={hess},max_iters=100,epsilon=1e-9{options}}}",
+                        sm.name
+                    );
                     // Refused where a method does not have that Hessian.
                     let Ok(spec) = registry.parse(&id) else { continue };
                     let mut tracker = registry.build(&spec).unwrap();
@@ -106,7 +141,11 @@ fn levenberg_marquardt_never_ends_below_its_start() {
         for (id, mut tracker) in all(&[("leven_marq", "1")]) {
             tracker.init(&still(&waves), &quad()).unwrap();
             let mut stuck = Registry::builtin()
-                .build(&Registry::builtin().parse(&id.replace("leven_marq=1", "max_iters=1,epsilon=1e6")).unwrap())
+                .build(
+                    &Registry::builtin()
+                        .parse(&id.replace("leven_marq=1", "max_iters=1,epsilon=1e6"))
+                        .unwrap(),
+                )
                 .unwrap();
             stuck.init(&still(&waves), &quad()).unwrap();
             // One iteration without LM evaluates the similarity at the start.
@@ -137,7 +176,9 @@ fn set_region_keeps_the_template() {
     let registry = Registry::builtin();
     for sm in ["falk", "ialk", "fclk", "iclk", "esm"] {
         for ssm in ["homography", "affine", "similitude"] {
-            let spec = registry.parse(&format!("{sm}/ssd/{ssm}{{epsilon=1e-9,max_iters=60}}")).unwrap();
+            let spec = registry
+                .parse(&format!("{sm}/ssd/{ssm}{{epsilon=1e-9,max_iters=60}}"))
+                .unwrap();
             let mut tracker = registry.build(&spec).unwrap();
             tracker.init(&still(&waves), &quad()).unwrap();
             // A model that cannot represent the start re-bases; its template gradient must turn with it.
@@ -150,12 +191,18 @@ fn set_region_keeps_the_template() {
             }
         }
         // The same with a model of few parameters whose start is the truth moved inside the model.
-        let spec = registry.parse(&format!("{sm}/ssd/translation{{epsilon=1e-9,max_iters=60}}")).unwrap();
+        let spec = registry
+            .parse(&format!("{sm}/ssd/translation{{epsilon=1e-9,max_iters=60}}"))
+            .unwrap();
         let mut tracker = registry.build(&spec).unwrap();
         tracker.init(&still(&waves), &quad()).unwrap();
         tracker.set_region(&truth.translated(1.7, -1.1)).unwrap();
         let update = tracker.update(&moved).unwrap();
-        assert!(alignment_error(&update.corners, &truth) < 0.02, "{spec}: {}", alignment_error(&update.corners, &truth));
+        assert!(
+            alignment_error(&update.corners, &truth) < 0.02,
+            "{spec}: {}",
+            alignment_error(&update.corners, &truth)
+        );
     }
 }
 
@@ -166,13 +213,28 @@ fn failures_are_typed_and_leave_the_tracker_usable() {
     let flat = || Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, |_, _| 90.0));
     let poisoned = || Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, |_, _| f32::NAN));
     for (id, mut tracker) in all(&[]) {
-        assert!(matches!(tracker.update(&still(&waves)), Err(TrackError::NotInitialised)), "{id}");
-        assert!(matches!(tracker.init(&flat(), &quad()), Err(TrackError::Template(_))), "{id}");
-        assert!(matches!(tracker.init(&poisoned(), &quad()), Err(TrackError::NotFinite(_))), "{id}");
+        assert!(
+            matches!(tracker.update(&still(&waves)), Err(TrackError::NotInitialised)),
+            "{id}"
+        );
+        assert!(
+            matches!(tracker.init(&flat(), &quad()), Err(TrackError::Template(_))),
+            "{id}"
+        );
+        assert!(
+            matches!(tracker.init(&poisoned(), &quad()), Err(TrackError::NotFinite(_))),
+            "{id}"
+        );
         let away = quad().translated(5000.0, 0.0);
-        assert!(matches!(tracker.init(&still(&waves), &away), Err(TrackError::Outside)), "{id}");
+        assert!(
+            matches!(tracker.init(&still(&waves), &away), Err(TrackError::Outside)),
+            "{id}"
+        );
         let tiny = Corners::rect(50.0, 50.0, 0.5, 0.5);
-        assert!(matches!(tracker.init(&still(&waves), &tiny), Err(TrackError::BadRegion(_))), "{id}");
+        assert!(
+            matches!(tracker.init(&still(&waves), &tiny), Err(TrackError::BadRegion(_))),
+            "{id}"
+        );
         tracker.init(&still(&waves), &quad()).unwrap();
         assert!(tracker.update(&poisoned()).is_err(), "{id}");
         // A featureless frame gives no direction, or a wrong one, but never a number that is not finite.

@@ -50,8 +50,18 @@ fn battery<W: ProjectiveModel>() {
         }
         let compose = |a: &Mat3, b: &Mat3| model.matrix(&state(&(a * b)));
         close(&compose(&mp, &mq), &(mp * mq), 1e-10, W::NAME);
-        close(&compose(&compose(&mp, &mq), &ms), &compose(&mp, &compose(&mq, &ms)), 1e-10, W::NAME);
-        close(&compose(&mp, &model.inverse(&p).unwrap()), &Mat3::identity(), 1e-10, W::NAME);
+        close(
+            &compose(&compose(&mp, &mq), &ms),
+            &compose(&mp, &compose(&mq, &ms)),
+            1e-10,
+            W::NAME,
+        );
+        close(
+            &compose(&mp, &model.inverse(&p).unwrap()),
+            &Mat3::identity(),
+            1e-10,
+            W::NAME,
+        );
         // Updates through the interface.
         ssm.set_state(&p).unwrap();
         ssm.update(Increment::Compositional, &q).unwrap();
@@ -76,21 +86,33 @@ fn battery<W: ProjectiveModel>() {
                 let w = |h: f64| homography::apply(&model.matrix(&nudged(k, h)), x0);
                 for c in 0..2 {
                     let numeric = (w(h)[c] - w(-h)[c]) / (2.0 * h);
-                    assert!((jacobian[c][k] - numeric).abs() < 1e-8 * (1.0 + numeric.abs()), "{} {k}", W::NAME);
+                    assert!(
+                        (jacobian[c][k] - numeric).abs() < 1e-8 * (1.0 + numeric.abs()),
+                        "{} {k}",
+                        W::NAME
+                    );
                 }
                 for l in 0..W::DOF {
-                    let (up, down) = (ssm.warp_jacobian(&nudged(l, h), x0), ssm.warp_jacobian(&nudged(l, -h), x0));
+                    let (up, down) = (
+                        ssm.warp_jacobian(&nudged(l, h), x0),
+                        ssm.warp_jacobian(&nudged(l, -h), x0),
+                    );
                     let second = ssm.warp_hessian(&at, x0, k, l);
                     for c in 0..2 {
                         let numeric = (up[c][k] - down[c][k]) / (2.0 * h);
-                        assert!((second[c] - numeric).abs() < 1e-7 * (1.0 + numeric.abs()), "{} {k} {l}", W::NAME);
+                        assert!(
+                            (second[c] - numeric).abs() < 1e-7 * (1.0 + numeric.abs()),
+                            "{} {k} {l}",
+                            W::NAME
+                        );
                     }
                 }
             }
         }
         // Fits give the state back, from the corners and from many points.
-        let points: Vec<[f64; 2]> =
-            (0..12).map(|_| [r.random_range(-1.0..1.0), r.random_range(-1.0..1.0)]).collect();
+        let points: Vec<[f64; 2]> = (0..12)
+            .map(|_| [r.random_range(-1.0..1.0), r.random_range(-1.0..1.0)])
+            .collect();
         let images: Vec<[f64; 2]> = points.iter().map(|&x| homography::apply(&mp, x)).collect();
         for n in [W::MIN_POINTS.max(4), 12] {
             let mut fitted = vec![0.0; W::DOF];
@@ -136,9 +158,16 @@ fn any_quadrilateral_is_represented_exactly() {
         assert!(common::alignment_error(&ssm.corners(), &quad()) < 1e-10);
         let (mut x, mut y) = (vec![0.0; RES.len()], vec![0.0; RES.len()]);
         ssm.warp_into(&mut x, &mut y);
-        for (i, at) in [0, RES.cols - 1, RES.len() - 1, RES.len() - RES.cols].into_iter().enumerate() {
+        for (i, at) in [0, RES.cols - 1, RES.len() - 1, RES.len() - RES.cols]
+            .into_iter()
+            .enumerate()
+        {
             let [cx, cy] = quad().0[i];
-            assert!((f64::from(x[at]) - cx).abs() < 1e-4 && (f64::from(y[at]) - cy).abs() < 1e-4, "{}", entry.name);
+            assert!(
+                (f64::from(x[at]) - cx).abs() < 1e-4 && (f64::from(y[at]) - cy).abs() < 1e-4,
+                "{}",
+                entry.name
+            );
         }
     }
 }
@@ -169,11 +198,19 @@ fn jacobians_and_curvatures_agree_with_central_differences() {
                         0 => (f(1.0, 0.0) - f(-1.0, 0.0)) / (2.0 * h) * scale,
                         1 => (f(0.0, 1.0) - f(0.0, -1.0)) / (2.0 * h) * scale,
                         2 => (f(1.0, 0.0) + f(-1.0, 0.0) - 2.0 * f(0.0, 0.0)) / (h * h) * scale * scale,
-                        3 => (f(1.0, 1.0) + f(-1.0, -1.0) - f(1.0, -1.0) - f(-1.0, 1.0)) / (4.0 * h * h) * scale * scale,
+                        3 => {
+                            (f(1.0, 1.0) + f(-1.0, -1.0) - f(1.0, -1.0) - f(-1.0, 1.0)) / (4.0 * h * h)
+                                * scale
+                                * scale
+                        }
                         _ => (f(0.0, 1.0) + f(0.0, -1.0) - 2.0 * f(0.0, 0.0)) / (h * h) * scale * scale,
                     }
                 };
-                let column = |k: usize| (0..n).map(|i| d(x[i].into(), y[i].into(), k) as f32).collect::<Vec<f32>>();
+                let column = |k: usize| {
+                    (0..n)
+                        .map(|i| d(x[i].into(), y[i].into(), k) as f32)
+                        .collect::<Vec<f32>>()
+                };
                 std::array::from_fn::<_, 5, _>(column)
             };
             let (x0, y0) = points(&*ssm);
@@ -182,15 +219,22 @@ fn jacobians_and_curvatures_agree_with_central_differences() {
             let (x, y) = points(&*ssm);
             let current = derivatives(&x, &y, 1.0);
             let weights: Vec<f32> = (0..n).map(|_| r.random_range(-1.0..1.0)).collect();
-            for kind in
-                [JacobianKind::Template, JacobianKind::Warped, JacobianKind::Additive, JacobianKind::Approximate]
-            {
+            for kind in [
+                JacobianKind::Template,
+                JacobianKind::Warped,
+                JacobianKind::Additive,
+                JacobianKind::Approximate,
+            ] {
                 let d = if kind.of_template() { &template } else { &current };
                 let mut j = Jacobian::new(n, s);
                 let gradient = Gradient { x: &d[0], y: &d[1] };
                 ssm.jacobian_into(kind, gradient, Points { x: &x, y: &y }, 0, &mut j);
                 let mut h = SymMatrix::new(s);
-                let hessian = ImageHessian { xx: &d[2], xy: &d[3], yy: &d[4] };
+                let hessian = ImageHessian {
+                    xx: &d[2],
+                    xy: &d[3],
+                    yy: &d[4],
+                };
                 ssm.curvature_into(kind, &weights, gradient, hessian, &mut h);
                 // The function of Δ whose derivatives these are, at one grid point.
                 let mut moving = (entry.build)(&[]).unwrap();
@@ -226,19 +270,34 @@ fn jacobians_and_curvatures_agree_with_central_differences() {
                     let (up, down) = (image(&nudge(&[(k, e)])), image(&nudge(&[(k, -e)])));
                     let numeric: Vec<f64> = up.iter().zip(&down).map(|(a, b)| (a - b) / (2.0 * e)).collect();
                     let size = numeric.iter().map(|v| v * v).sum::<f64>().sqrt();
-                    let diff: f64 =
-                        numeric.iter().zip(j.col(k)).map(|(a, &b)| (a - f64::from(b)).powi(2)).sum::<f64>().sqrt();
+                    let diff: f64 = numeric
+                        .iter()
+                        .zip(j.col(k))
+                        .map(|(a, &b)| (a - f64::from(b)).powi(2))
+                        .sum::<f64>()
+                        .sqrt();
                     // Single-precision points carry 1e-5 px into the gradients of the image.
-                    assert!(diff < 1e-5 * size, "{} {kind:?} {k}: {:e}", entry.name, diff / size);
+                    assert!(
+                        diff < 1e-5 * size,
+                        "{} {kind:?} {k}: {:e}",
+                        entry.name,
+                        diff / size
+                    );
                 }
                 let e = 1e-3;
-                let weighted = |v: Vec<f64>| v.iter().zip(&weights).map(|(a, &w)| a * f64::from(w)).sum::<f64>();
+                let weighted = |v: Vec<f64>| {
+                    v.iter()
+                        .zip(&weights)
+                        .map(|(a, &w)| a * f64::from(w))
+                        .sum::<f64>()
+                };
                 let mut worst: f64 = 0.0;
                 let mut size: f64 = 0.0;
                 for k in 0..s {
                     for l in 0..s {
                         let mut at = |a: f64, b: f64| weighted(image(&nudge(&[(k, a * e), (l, b * e)])));
-                        let numeric = (at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0)) / (4.0 * e * e);
+                        let numeric =
+                            (at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0)) / (4.0 * e * e);
                         // Composition is differentiated at Δ = 0 along straight lines in Δ, as the expressions are.
                         worst = worst.max((numeric - h.get(k, l)).abs());
                         size = size.max(numeric.abs());
@@ -264,15 +323,24 @@ fn bad_regions_and_states_are_refused_and_change_nothing() {
         }
         ssm.init(&quad(), RES).unwrap();
         let before = ssm.corners();
-        assert!(ssm.update(Increment::Additive, &vec![f64::NAN; ssm.dof()]).is_err());
-        assert!(ssm.update(Increment::Compositional, &vec![f64::INFINITY; ssm.dof()]).is_err());
+        assert!(
+            ssm.update(Increment::Additive, &vec![f64::NAN; ssm.dof()])
+                .is_err()
+        );
+        assert!(
+            ssm.update(Increment::Compositional, &vec![f64::INFINITY; ssm.dof()])
+                .is_err()
+        );
         assert!(ssm.set_state(&vec![f64::NAN; ssm.dof()]).is_err());
         assert_eq!(ssm.corners(), before, "{}", entry.name);
     }
     let mut h = Homography::new();
     h.init(&quad(), RES).unwrap();
     assert!(h.set_state(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3.0, 0.0]).is_err());
-    assert!(h.set_state(&[-0.999, 0.0, 0.0, 0.0, -0.999, 0.0, 0.0, 0.0]).is_err());
+    assert!(
+        h.set_state(&[-0.999, 0.0, 0.0, 0.0, -0.999, 0.0, 0.0, 0.0])
+            .is_err()
+    );
 }
 
 #[test]
@@ -281,14 +349,23 @@ fn rebasing_keeps_the_grid_on_the_object() {
         let mut r = common::rng(5);
         let mut ssm = (entry.build)(&[]).unwrap();
         ssm.init(&quad(), RES).unwrap();
-        let old: Vec<[f64; 2]> =
-            ssm.grid().x.iter().zip(ssm.grid().y).map(|(&x, &y)| [f64::from(x), f64::from(y)]).collect();
+        let old: Vec<[f64; 2]> = ssm
+            .grid()
+            .x
+            .iter()
+            .zip(ssm.grid().y)
+            .map(|(&x, &y)| [f64::from(x), f64::from(y)])
+            .collect();
         let moved = homography::apply_corners(&common::perturbation(&quad(), 12.0, &mut r), &quad());
         let from_new = ssm.rebase(&moved).unwrap();
         assert!(common::alignment_error(&ssm.corners(), &moved) < 1e-9);
         for (i, p) in old.iter().enumerate() {
             let q = homography::apply(&from_new, [ssm.grid().x[i].into(), ssm.grid().y[i].into()]);
-            assert!((q[0] - p[0]).abs() < 1e-6 && (q[1] - p[1]).abs() < 1e-6, "{}", entry.name);
+            assert!(
+                (q[0] - p[0]).abs() < 1e-6 && (q[1] - p[1]).abs() < 1e-6,
+                "{}",
+                entry.name
+            );
         }
     }
 }

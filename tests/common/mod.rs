@@ -21,16 +21,29 @@ impl Waves {
         Waves(
             (0..12)
                 .map(|_| {
-                    let (length, angle) = (r.random_range(15.0..60.0), r.random_range(0.0..std::f64::consts::TAU));
+                    let (length, angle) = (
+                        r.random_range(15.0..60.0),
+                        r.random_range(0.0..std::f64::consts::TAU),
+                    );
                     let k = std::f64::consts::TAU / length;
-                    [k * f64::cos(angle), k * f64::sin(angle), r.random_range(0.0..6.0), r.random_range(6.0..14.0)]
+                    [
+                        k * f64::cos(angle),
+                        k * f64::sin(angle),
+                        r.random_range(0.0..6.0),
+                        r.random_range(6.0..14.0),
+                    ]
                 })
                 .collect(),
         )
     }
     /// Intensity at a point.
     pub fn at(&self, x: f64, y: f64) -> f64 {
-        128.0 + self.0.iter().map(|[kx, ky, phase, a]| a * (kx * x + ky * y + phase).sin()).sum::<f64>()
+        128.0
+            + self
+                .0
+                .iter()
+                .map(|[kx, ky, phase, a]| a * (kx * x + ky * y + phase).sin())
+                .sum::<f64>()
     }
     /// The image after the plane has moved by `m`: `I(m x) = waves(x)`.
     pub fn moved(&self, width: usize, height: usize, m: &Mat3) -> Frame {
@@ -47,7 +60,9 @@ pub fn perturbation(c: &Corners, distance: f64, r: &mut Pcg64) -> Mat3 {
     let mut d: [f64; 8] = std::array::from_fn(|_| r.random_range(-1.0..1.0));
     let rms = (d.iter().map(|v| v * v).sum::<f64>() / 4.0).sqrt();
     d.iter_mut().for_each(|v| *v *= distance / rms);
-    let to = Corners(std::array::from_fn(|i| [c.0[i][0] + d[2 * i], c.0[i][1] + d[2 * i + 1]]));
+    let to = Corners(std::array::from_fn(|i| {
+        [c.0[i][0] + d[2 * i], c.0[i][1] + d[2 * i + 1]]
+    }));
     homography::from_corners(c, &to).expect("convex")
 }
 
