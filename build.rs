@@ -14,7 +14,9 @@ fn git(args: &[&str]) -> Option<String> {
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
-    if std::env::var("PROFILE").is_ok_and(|profile| profile == "release") && std::path::Path::new(".git").exists() {
+    if std::env::var("PROFILE").is_ok_and(|profile| profile == "release")
+        && std::path::Path::new(".git").exists()
+    {
         if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]) {
             println!("cargo:rerun-if-changed={log}");
         }

@@ -1,6 +1,7 @@
 //! The command line as typed: structures for clap and the little grammars of their values. No logic.
 
 use super::check::CheckArgs;
+use super::data::DataArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use mtf_eval::output::Format;
 use mtf_eval::params::{ParamValue, Resolution};
@@ -88,6 +89,8 @@ pub enum Command {
     Check(CheckArgs),
     /// What exists: models, trackers, parameters, metrics, data
     List(ListArgs),
+    /// Look into data sets and find what is wrong with them
+    Data(DataArgs),
     /// Print a completion script for a shell
     Completions {
         /// The shell

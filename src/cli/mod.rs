@@ -2,6 +2,7 @@
 
 mod args;
 mod check;
+mod data;
 mod list;
 mod progress;
 mod run;
@@ -156,6 +157,7 @@ fn dispatch(cli: Cli, console: &Console) -> Outcome {
     match cli.command {
         Command::Run(args) => run::run(&args, cli.messages.progress, console),
         Command::List(args) => list::run(&args),
+        Command::Data(args) => data::run(&args).or_else(ended),
         Command::Check(args) => {
             let progress = cli.messages.progress;
             let again = |command: &[String]| Ok(run::run_recorded(command, progress, console)?);
@@ -173,10 +175,15 @@ fn dispatch(cli: Cli, console: &Console) -> Outcome {
 /// What an error of a command means to the caller.
 fn ended(error: anyhow::Error) -> Outcome {
     let closed = |e: &io::Error| e.kind() == io::ErrorKind::BrokenPipe;
-    if error.chain().any(|cause| cause.downcast_ref().is_some_and(closed)) {
+    if error
+        .chain()
+        .any(|cause| cause.downcast_ref().is_some_and(closed))
+    {
         return Ok(ExitCode::SUCCESS);
     }
-    let code = error.downcast_ref().map_or(exit::USAGE, |failure: &Failure| failure.code);
+    let code = error
+        .downcast_ref()
+        .map_or(exit::USAGE, |failure: &Failure| failure.code);
     Err(Failure::new(code, format!("{error:#}")))
 }
 

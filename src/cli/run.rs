@@ -5,9 +5,9 @@ use super::args::{
 };
 use super::progress::Progress;
 use super::{Console, Failure, Outcome, exit, print};
+use clap::Parser;
 use globset::{GlobBuilder, GlobSet, GlobSetBuilder};
 use mtf_eval::dataset::{self, LoadOptions, Sequence};
-use clap::Parser;
 use mtf_eval::eval::baseline::recordable;
 use mtf_eval::eval::{self, FrameLogs, RunError, RunReport, RunRequest, TrackerEntry};
 use mtf_eval::image::parse_preprocessor;
@@ -43,18 +43,32 @@ pub fn run(args: &RunArgs, progress: ProgressMode, console: &Console) -> Outcome
         console.warn(&format!("{unit}: {reason}"));
     }
     if report.failed.len() > FAILURES_SHOWN {
-        console.warn(&format!("{} more failed, see sequences.csv", report.failed.len() - FAILURES_SHOWN));
+        console.warn(&format!(
+            "{} more failed, see sequences.csv",
+            report.failed.len() - FAILURES_SHOWN
+        ));
     }
     console.note(&format!("results in {}", report.path.display()));
-    Ok(ExitCode::from(if report.failed.is_empty() { 0 } else { exit::FAILED }))
+    Ok(ExitCode::from(if report.failed.is_empty() {
+        0
+    } else {
+        exit::FAILED
+    }))
 }
 
 /// Runs the arguments of another `run`, as a baseline records them; returns the run directory.
 ///
 /// # Errors
 /// As [`run`].
-pub fn run_recorded(command: &[String], progress: ProgressMode, console: &Console) -> Result<PathBuf, Failure> {
-    let words = ["mtf-eval", "run"].into_iter().map(str::to_owned).chain(command.iter().cloned());
+pub fn run_recorded(
+    command: &[String],
+    progress: ProgressMode,
+    console: &Console,
+) -> Result<PathBuf, Failure> {
+    let words = ["mtf-eval", "run"]
+        .into_iter()
+        .map(str::to_owned)
+        .chain(command.iter().cloned());
     match Cli::try_parse_from(words).map(|cli| cli.command) {
         Ok(Command::Run(args)) => Ok(track(&args, command, progress, console)?.path),
         Ok(_) => Err(Failure::usage("not the arguments of a run")),

@@ -201,7 +201,10 @@ impl RunDir {
 
     /// Removes temporary files that a killed run left at the top.
     fn sweep(&self) -> Result<(), RunError> {
-        for entry in fs::read_dir(&self.path).map_err(|e| RunError::io(&self.path, e))?.flatten() {
+        for entry in fs::read_dir(&self.path)
+            .map_err(|e| RunError::io(&self.path, e))?
+            .flatten()
+        {
             if entry.file_name().to_string_lossy().ends_with(".tmp") {
                 let _ = fs::remove_file(entry.path());
             }
