@@ -500,7 +500,7 @@ mod tests {
                 })
                 .collect();
             let name = |i: usize| format!("frame,{i}.jpg");
-            let truth = |i: usize| (i % 2 == 0).then(|| Corners::rect(0.0, 0.0, 9.0, 9.0));
+            let truth = |i: usize| (i.is_multiple_of(2)).then(|| Corners::rect(0.0, 0.0, 9.0, 9.0));
             let (from, corners) = parse_log(&format_log(&rows, start, name, truth)).unwrap();
             prop_assert_eq!(from, start);
             for (row, read) in rows.iter().zip(&corners) {
