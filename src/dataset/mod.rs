@@ -13,6 +13,9 @@ mod sequence;
 mod source;
 mod truth;
 
+#[cfg(test)]
+mod tests;
+
 pub use check::{Checked, Fault, Severity, check};
 pub use error::{DatasetError, DatasetErrorKind};
 pub use order::natural;
