@@ -4,6 +4,7 @@
 
 pub mod am;
 pub mod dataset;
+pub mod diagnose;
 pub mod eval;
 pub mod geom;
 pub mod image;

@@ -5,6 +5,12 @@
 
 use std::fmt::{self, Display};
 
+/// Name and text of the value of one parameter.
+pub type Assignment<'a> = (&'a str, &'a str);
+
+/// Something built from assignments.
+pub type Built<T> = Result<T, ParamError>;
+
 /// One parameter as users see it.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct ParamInfo {
@@ -49,9 +55,7 @@ pub trait Params: Default + Clone + Send + 'static {
     fn get(&self, name: &str) -> Option<String>;
 
     /// Defaults with `assignments` applied in order.
-    fn from_assignments<'a>(
-        assignments: impl IntoIterator<Item = (&'a str, &'a str)>,
-    ) -> Result<Self, ParamError> {
+    fn from_assignments(assignments: &[Assignment<'_>]) -> Built<Self> {
         let mut p = Self::default();
         for (name, value) in assignments {
             p.set(name, value)?;
@@ -230,7 +234,7 @@ pub(crate) use param_enum;
 ///     }
 /// }
 /// use mtf_eval::params::Params;
-/// assert!(BlurParams::from_assignments([("sigma", "50")]).is_err());
+/// assert!(BlurParams::from_assignments(&[("sigma", "50")]).is_err());
 /// ```
 #[macro_export]
 macro_rules! params {
@@ -307,13 +311,13 @@ mod tests {
 
     #[test]
     fn values_are_checked_and_canonical() {
-        let p = Demo::from_assignments([("count", "7"), ("step", "0.0001"), ("on", "true")]).unwrap();
+        let p = Demo::from_assignments(&[("count", "7"), ("step", "0.0001"), ("on", "true")]).unwrap();
         assert_eq!((p.count, p.step, p.on), (7, 1e-4, true));
         assert_eq!(p.get("step").unwrap(), "1e-4");
         assert_eq!(p.get("on").unwrap(), "1");
-        let error = Demo::from_assignments([("count", "0")]).unwrap_err();
+        let error = Demo::from_assignments(&[("count", "0")]).unwrap_err();
         assert_eq!(error.to_string(), "count=0: expected 1 to 100");
-        assert!(Demo::from_assignments([("step", "nan")]).is_err());
+        assert!(Demo::from_assignments(&[("step", "nan")]).is_err());
         assert_eq!(Demo::info()[0].doc, "A count.");
         assert!(matches!(
             p.clone().set("nope", "1"),

@@ -2,7 +2,8 @@
 
 mod common;
 
-use common::{Waves, alignment_error, perturbation};
+use common::{alignment_error, moved, perturbation};
+use mtf_eval::diagnose::Waves;
 use mtf_eval::geom::{Corners, Mat3, homography};
 use mtf_eval::registry::{Registry, Selection};
 use mtf_eval::tracker::{Stop, TrackError, Tracker};
@@ -35,7 +36,7 @@ fn all(extra: &[(&str, &str)]) -> Vec<(String, Box<dyn Tracker>)> {
 }
 
 fn still(waves: &Waves) -> mtf_eval::image::Frame {
-    waves.moved(SIZE.0, SIZE.1, &Mat3::identity())
+    moved(waves, SIZE, &Mat3::identity())
 }
 
 #[test]
@@ -45,11 +46,11 @@ fn recovers_random_homographies() {
         let mut r = common::rng(seed);
         let motion = perturbation(&quad(), 3.0 + seed as f64, &mut r);
         let truth = homography::apply_corners(&motion, &quad());
-        let moved = waves.moved(SIZE.0, SIZE.1, &motion);
+        let next = moved(&waves, SIZE, &motion);
         let mut results = Vec::new();
         for (id, mut tracker) in all(&[("max_iters", "60"), ("epsilon", "1e-9")]) {
             tracker.init(&still(&waves), &quad()).unwrap();
-            let update = tracker.update(&moved).unwrap_or_else(|e| panic!("{id}: {e}"));
+            let update = tracker.update(&next).unwrap_or_else(|e| panic!("{id}: {e}"));
             let error = alignment_error(&update.corners, &truth);
             assert!(
                 error < 0.01,
@@ -74,7 +75,7 @@ fn every_hessian_and_option_recovers_small_motion() {
     let waves = Waves::new(21);
     let motion = perturbation(&quad(), 1.5, &mut common::rng(2));
     let truth = homography::apply_corners(&motion, &quad());
-    let (first, moved) = (still(&waves), waves.moved(SIZE.0, SIZE.1, &motion));
+    let (first, next) = (still(&waves), moved(&waves, SIZE, &motion));
     let registry = Registry::builtin();
     for sm in registry.sms().iter().filter(|e| e.groups.contains(&"gradient")) {
         for hess in [
@@ -105,7 +106,7 @@ fn every_hessian_and_option_recovers_small_motion() {
                     let Ok(spec) = registry.parse(&id) else { continue };
                     let mut tracker = registry.build(&spec).unwrap();
                     tracker.init(&first, &quad()).unwrap();
-                    let update = tracker.update(&moved).unwrap_or_else(|e| panic!("{id}: {e}"));
+                    let update = tracker.update(&next).unwrap_or_else(|e| panic!("{id}: {e}"));
                     let error = alignment_error(&update.corners, &truth);
                     assert!(error < 0.02, "{id}: {error} px after {}", update.iterations);
                 }
@@ -118,16 +119,16 @@ fn every_hessian_and_option_recovers_small_motion() {
 fn standing_still_stays_still_and_repeats_exactly() {
     let waves = Waves::new(3);
     let motion = perturbation(&quad(), 2.0, &mut common::rng(9));
-    let moved = waves.moved(SIZE.0, SIZE.1, &motion);
+    let next = moved(&waves, SIZE, &motion);
     for (id, mut tracker) in all(&[]) {
         tracker.init(&still(&waves), &quad()).unwrap();
         let update = tracker.update(&still(&waves)).unwrap();
         assert!(alignment_error(&update.corners, &quad()) < 1e-3, "{id}");
         assert_eq!((update.stop, update.iterations), (Stop::Converged, 1), "{id}");
-        let first = tracker.update(&moved).unwrap();
+        let first = tracker.update(&next).unwrap();
         tracker.init(&still(&waves), &quad()).unwrap();
         tracker.update(&still(&waves)).unwrap();
-        assert_eq!(tracker.update(&moved).unwrap().corners, first.corners, "{id}");
+        assert_eq!(tracker.update(&next).unwrap().corners, first.corners, "{id}");
     }
 }
 
@@ -137,7 +138,7 @@ fn levenberg_marquardt_never_ends_below_its_start() {
     for seed in 0..6 {
         // Far beyond the basin: the search fails, but not downwards.
         let motion = perturbation(&quad(), 25.0, &mut common::rng(seed));
-        let moved = waves.moved(SIZE.0, SIZE.1, &motion);
+        let next = moved(&waves, SIZE, &motion);
         for (id, mut tracker) in all(&[("leven_marq", "1")]) {
             tracker.init(&still(&waves), &quad()).unwrap();
             let mut stuck = Registry::builtin()
@@ -149,13 +150,13 @@ fn levenberg_marquardt_never_ends_below_its_start() {
                 .unwrap();
             stuck.init(&still(&waves), &quad()).unwrap();
             // One iteration without LM evaluates the similarity at the start.
-            let start = stuck.update(&moved).map(|u| u.similarity);
-            if let (Ok(u), Ok(start)) = (tracker.update(&moved), start) {
+            let start = stuck.update(&next).map(|u| u.similarity);
+            if let (Ok(u), Ok(start)) = (tracker.update(&next), start) {
                 tracker.init(&still(&waves), &quad()).unwrap();
                 tracker.set_region(&u.corners).unwrap();
                 stuck.init(&still(&waves), &quad()).unwrap();
                 stuck.set_region(&u.corners).unwrap();
-                let end = stuck.update(&moved).map_or(f64::NEG_INFINITY, |u| u.similarity);
+                let end = stuck.update(&next).map_or(f64::NEG_INFINITY, |u| u.similarity);
                 assert!(end >= start - 1e-4 * start.abs(), "{id}: {start} -> {end}");
             }
         }
@@ -172,7 +173,7 @@ fn set_region_keeps_the_template() {
     let turn = around(c[0], c[1]) * Mat3::new(k, -s, 0.0, s, k, 0.0, 0.0, 0.0, 1.0) * around(-c[0], -c[1]);
     let truth = homography::apply_corners(&turn, &quad());
     let start = homography::apply_corners(&perturbation(&truth, 2.3, &mut common::rng(4)), &truth);
-    let moved = waves.moved(SIZE.0, SIZE.1, &turn);
+    let next = moved(&waves, SIZE, &turn);
     let registry = Registry::builtin();
     for sm in ["falk", "ialk", "fclk", "iclk", "esm"] {
         for ssm in ["homography", "affine", "similitude"] {
@@ -184,7 +185,7 @@ fn set_region_keeps_the_template() {
             // A model that cannot represent the start re-bases; its template gradient must turn with it.
             tracker.set_region(&start).unwrap();
             if ssm == "homography" {
-                let update = tracker.update(&moved).unwrap();
+                let update = tracker.update(&next).unwrap();
                 assert!(alignment_error(&update.corners, &truth) < 0.01, "{spec}");
             } else {
                 assert!(alignment_error(&tracker.corners(), &start) < 0.5, "{spec}");
@@ -197,7 +198,7 @@ fn set_region_keeps_the_template() {
         let mut tracker = registry.build(&spec).unwrap();
         tracker.init(&still(&waves), &quad()).unwrap();
         tracker.set_region(&truth.translated(1.7, -1.1)).unwrap();
-        let update = tracker.update(&moved).unwrap();
+        let update = tracker.update(&next).unwrap();
         assert!(
             alignment_error(&update.corners, &truth) < 0.02,
             "{spec}: {}",

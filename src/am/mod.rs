@@ -30,7 +30,7 @@ pub use zncc::Zncc;
 
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
-use crate::params::{ParamError, ParamInfo, Params, Resolution};
+use crate::params::{Assignment, Built, ParamInfo, Params, Resolution};
 use crate::tracker::TrackError;
 
 /// Every appearance model of the crate, in the order of the documentation.
@@ -253,9 +253,9 @@ pub struct AmEntry {
     /// Parameters.
     pub params: fn() -> Vec<ParamInfo>,
     /// Builds the model from `(name, value)` assignments.
-    pub build: fn(&[(&str, &str)]) -> Result<Box<dyn AppearanceModel>, ParamError>,
+    pub build: fn(&[Assignment<'_>]) -> Built<Box<dyn AppearanceModel>>,
     /// Canonical text of a parameter after the assignments.
-    pub canonical: fn(&[(&str, &str)], &str) -> Result<Option<String>, ParamError>,
+    pub canonical: fn(&[Assignment<'_>], &str) -> Built<Option<String>>,
 }
 
 impl AmEntry {
@@ -266,8 +266,8 @@ impl AmEntry {
             aliases: M::ALIASES,
             summary: M::SUMMARY,
             params: <M::Params as Params>::info,
-            build: |a| Ok(Box::new(M::new(M::Params::from_assignments(a.iter().copied())?))),
-            canonical: |a, name| Ok(M::Params::from_assignments(a.iter().copied())?.get(name)),
+            build: |a| Ok(Box::new(M::new(M::Params::from_assignments(a)?))),
+            canonical: |a, name| Ok(M::Params::from_assignments(a)?.get(name)),
         }
     }
 }

@@ -224,15 +224,12 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     unsafe fn quads(plane: &[f32], stride: usize, x: Self, y: Self) -> [Self; 4] {
-        let mut q = [[0.0; WIDTH]; 4];
-        for l in 0..WIDTH {
-            let at = y.0[l] as usize * stride + x.0[l] as usize;
-            q[0][l] = plane[at];
-            q[1][l] = plane[at + 1];
-            q[2][l] = plane[at + stride];
-            q[3][l] = plane[at + stride + 1];
-        }
-        q.map(Portable)
+        let tap = |offset: usize| {
+            Portable(std::array::from_fn(|l| {
+                plane[y.0[l] as usize * stride + x.0[l] as usize + offset]
+            }))
+        };
+        [tap(0), tap(1), tap(stride), tap(stride + 1)]
     }
 }
 

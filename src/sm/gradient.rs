@@ -11,7 +11,7 @@ use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::geom::{Corners, Mat3, homography};
 use crate::image::{Frame, Image};
 use crate::kernels::Jacobian;
-use crate::params::{Params, param_enum};
+use crate::params::{Assignment, Built, ParamError, ParamValue, Params, param_enum};
 use crate::ssm::{Gradient, ImageHessian, Increment, JacobianKind, Points, StateSpaceModel};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use nalgebra::{Matrix2, Vector2};
@@ -538,12 +538,11 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
 
 type AllParams<M> = ((SamplingParams, LkParams), <M as LkMethod>::Extra);
 
-fn parse<M: LkMethod>(assignments: &[(&str, &str)]) -> Result<AllParams<M>, crate::params::ParamError> {
-    let params = AllParams::<M>::from_assignments(assignments.iter().copied())?;
+fn parse<M: LkMethod>(assignments: &[Assignment<'_>]) -> Built<AllParams<M>> {
+    let params = AllParams::<M>::from_assignments(assignments)?;
     let hess = params.0.1.hess;
     if hess != Hessian::Auto && !M::HESSIANS.contains(&hess) {
-        use crate::params::ParamValue;
-        return Err(crate::params::ParamError::Value {
+        return Err(ParamError::Value {
             name: "hess",
             value: hess.text(),
             allowed: M::HESSIANS

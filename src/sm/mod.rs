@@ -33,7 +33,7 @@ pub type Iclk<A, S> = Lk<IclkMethod, A, S>;
 pub type Esm<A, S> = Lk<EsmMethod, A, S>;
 
 use crate::am::{AppearanceModel, Capabilities};
-use crate::params::{ParamError, ParamInfo};
+use crate::params::{Assignment, Built, ParamInfo};
 use crate::ssm::StateSpaceModel;
 use crate::tracker::Tracker;
 
@@ -62,11 +62,8 @@ pub struct SmEntry {
     /// Why it cannot work with an appearance model, if it cannot.
     pub refuses: fn(&Capabilities) -> Option<&'static str>,
     /// Builds the tracker from `(name, value)` assignments and its models.
-    pub build: fn(
-        &[(&str, &str)],
-        Box<dyn AppearanceModel>,
-        Box<dyn StateSpaceModel>,
-    ) -> Result<Box<dyn Tracker>, ParamError>,
+    pub build:
+        fn(&[Assignment<'_>], Box<dyn AppearanceModel>, Box<dyn StateSpaceModel>) -> Built<Box<dyn Tracker>>,
     /// Canonical text of a parameter after the assignments.
-    pub canonical: fn(&[(&str, &str)], &str) -> Result<Option<String>, ParamError>,
+    pub canonical: fn(&[Assignment<'_>], &str) -> Built<Option<String>>,
 }

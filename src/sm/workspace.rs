@@ -29,12 +29,12 @@ pub struct Buffers {
 }
 
 thread_local! {
-    static POOL: RefCell<Vec<Box<Buffers>>> = const { RefCell::new(Vec::new()) };
+    static POOL: RefCell<Vec<Buffers>> = const { RefCell::new(Vec::new()) };
 }
 
 /// A set of [`Buffers`] on loan from the thread's pool.
 #[derive(Debug)]
-pub struct Workspace(Option<Box<Buffers>>);
+pub struct Workspace(Option<Buffers>);
 
 impl Workspace {
     /// Buffers for `points` points of `channels` channels and `dof` parameters.

@@ -38,7 +38,7 @@ pub type Homography = Projective<HomographyModel>;
 use crate::geom::solve::SymMatrix;
 use crate::geom::{Corners, Mat3};
 use crate::kernels::Jacobian;
-use crate::params::{ParamError, ParamInfo, Params, Resolution};
+use crate::params::{Assignment, Built, ParamInfo, Params, Resolution};
 use crate::tracker::TrackError;
 
 /// Every state space model of the crate, in the order of the documentation.
@@ -142,6 +142,9 @@ pub trait StateSpaceModel: Send {
     /// Grid points in the base frame.
     fn grid(&self) -> Points<'_>;
 
+    /// Current place of grid point `i` in image pixels, in `f64`: the slow reference of [`warp_into`](Self::warp_into).
+    fn point(&self, i: usize) -> [f64; 2];
+
     /// Writes the current points in image pixels.
     fn warp_into(&self, x: &mut [f32], y: &mut [f32]);
 
@@ -201,6 +204,9 @@ impl<T: StateSpaceModel + ?Sized> StateSpaceModel for Box<T> {
     fn grid(&self) -> Points<'_> {
         (**self).grid()
     }
+    fn point(&self, i: usize) -> [f64; 2] {
+        (**self).point(i)
+    }
     fn warp_into(&self, x: &mut [f32], y: &mut [f32]) {
         (**self).warp_into(x, y)
     }
@@ -258,9 +264,9 @@ pub struct SsmEntry {
     /// Parameters.
     pub params: fn() -> Vec<ParamInfo>,
     /// Builds the model from `(name, value)` assignments.
-    pub build: fn(&[(&str, &str)]) -> Result<Box<dyn StateSpaceModel>, ParamError>,
+    pub build: fn(&[Assignment<'_>]) -> Built<Box<dyn StateSpaceModel>>,
     /// Canonical text of a parameter after the assignments.
-    pub canonical: fn(&[(&str, &str)], &str) -> Result<Option<String>, ParamError>,
+    pub canonical: fn(&[Assignment<'_>], &str) -> Built<Option<String>>,
 }
 
 impl SsmEntry {
@@ -271,8 +277,8 @@ impl SsmEntry {
             aliases: M::ALIASES,
             summary: M::SUMMARY,
             params: <M::Params as Params>::info,
-            build: |a| Ok(Box::new(M::new(M::Params::from_assignments(a.iter().copied())?))),
-            canonical: |a, name| Ok(M::Params::from_assignments(a.iter().copied())?.get(name)),
+            build: |a| Ok(Box::new(M::new(M::Params::from_assignments(a)?))),
+            canonical: |a, name| Ok(M::Params::from_assignments(a)?.get(name)),
         }
     }
 }

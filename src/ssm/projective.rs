@@ -331,6 +331,11 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
         }
     }
 
+    fn point(&self, i: usize) -> [f64; 2] {
+        let [u, v] = homography::apply(&self.matrix, [self.x[i].into(), self.y[i].into()]);
+        [self.centre[0] + self.radius * u, self.centre[1] + self.radius * v]
+    }
+
     fn warp_into(&self, x: &mut [f32], y: &mut [f32]) {
         let centre = self.centre.map(|c| c as f32);
         kernels::warp_projective(
