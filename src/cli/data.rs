@@ -12,7 +12,7 @@ use std::process::ExitCode;
 /// Exit code for faulty data.
 const BAD_DATA: u8 = 2;
 
-/// Arguments of `data`.
+/// Find what is wrong with datasets, or show what they hold
 #[derive(Args, Clone, Debug)]
 pub struct DataArgs {
     #[command(subcommand)]
