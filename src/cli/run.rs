@@ -1,7 +1,7 @@
 //! `mtf-eval run`: from the arguments to a request for the runner, and from its report to the table.
 
 use super::args::{
-    ExecutionArgs, FrameLogsArg, OnBadData, ProgressMode, RunArgs, SelectionArgs, TrackerArgs,
+    Cli, Command, ExecutionArgs, FrameLogsArg, OnBadData, ProgressMode, RunArgs, SelectionArgs, TrackerArgs,
 };
 use super::progress::Progress;
 use super::{Console, Failure, Outcome, exit, print};
