@@ -73,7 +73,8 @@ pub trait Tracker: Send {
     /// Starts on `frame` with the object at `corners` (UL UR LR LL, px).
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError>;
 
-    /// Finds the object in the next frame, starting from where it was. On an error the state is that before the call.
+    /// Finds the object in the next frame, starting from where it was. On an error it keeps its last
+    /// valid state.
     fn update(&mut self, frame: &Frame) -> Result<Update, TrackError>;
 
     /// Moves the tracker to `corners` without changing its template.

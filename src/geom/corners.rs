@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Corners of a quadrilateral in image pixels, order UL, UR, LR, LL (clockwise on screen).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Corners(pub [[f64; 2]; 4]);
 

@@ -25,12 +25,20 @@ impl Frame {
         }
     }
 
-    /// A frame that is this single-plane image as it stands, for callers that have made their own.
+    /// A frame that is this single-plane image as it stands (repeated in each plane in colour), for callers that have
+    /// made their own.
     pub fn from_gray(image: Image) -> Self {
         let decoded = Decoded::gray_from_image(&image);
-        let frame = Frame::new(decoded, Arc::new(super::Identity));
-        frame.gray.set(image).expect("new frame has no image yet");
-        frame
+        let mut colour = Image::new(image.width(), image.height(), 3);
+        for c in 0..3 {
+            colour.plane_mut(c).copy_from_slice(image.plane(0));
+        }
+        Frame {
+            decoded,
+            pre: Arc::new(super::Identity),
+            gray: OnceLock::from(image),
+            colour: OnceLock::from(colour),
+        }
     }
 
     /// Width in pixels.

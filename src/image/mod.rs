@@ -7,7 +7,9 @@ mod frame;
 mod plane;
 mod preprocess;
 
-pub use decode::{Decoded, ImageError, decode, decode_file};
+pub use decode::{Decoded, ImageError, MAX_PIXELS, decode, decode_file, dimensions};
 pub use frame::Frame;
 pub use plane::Image;
-pub use preprocess::{Gaussian, Identity, PreProcessor, parse_preprocessor};
+pub use preprocess::{
+    Gaussian, Identity, PREPROCESSORS, PreProcessor, PreProcessorEntry, PreProcessorError, parse_preprocessor,
+};

@@ -69,6 +69,11 @@ impl Image {
         let n = self.stride * (self.height + 1);
         &self.data[c * n..(c + 1) * n]
     }
+    /// Plane `c`, mutable.
+    pub fn plane_mut(&mut self, c: usize) -> &mut [f32] {
+        let n = self.stride * (self.height + 1);
+        &mut self.data[c * n..(c + 1) * n]
+    }
     /// Row `y` of plane `c`, `width` elements.
     pub fn row(&self, c: usize, y: usize) -> &[f32] {
         let at = (c * (self.height + 1) + y) * self.stride;

@@ -1,0 +1,273 @@
+//! Appearance models: how similar two patches are, and how that changes with their pixels.
+//!
+//! One file per model; [`AMS`] is the table that the command line, the documentation and the conformance tests read.
+//! May depend on `kernels`, `params`, `tracker` and `geom::solve`, never on warps or search methods: a search method
+//! hands over patches (raw intensities, 0–255) and Jacobians, and gets back gradients and Hessians.
+//!
+//! # Conventions
+//!
+//! `f(T, I)` is a *similarity* (larger is better) of the template patch `T` and the current patch `I`, both of length
+//! `n = points x channels`, channel-planar (`value[c * points + i]`). All derivatives are with respect to the **raw**
+//! pixel values: a model that normalises its patches (ZNCC's 1/σ, a histogram's bin scale) includes that factor, so
+//! `J = d(raw value)/dp` serves every model. The numbers below are those of the paper's table of AM functions:
+//! 1 sampling is done by the search method for all models alike ([`crate::sm`]), 2 and 3 (image gradient and Hessian)
+//! by `kernels::sample`; 4 is [`similarity`](AppearanceModel::similarity); 5 and 6 are
+//! [`gradient_into`](AppearanceModel::gradient_into); 7 and 8 its product with a Jacobian; 9 their difference; 10 and
+//! 11 [`hessian_into`](AppearanceModel::hessian_into); 12 [`self_hessian_into`](AppearanceModel::self_hessian_into);
+//! 13 the sum of 10 and 11. Their second-order forms add `Σ_i f_t[i] K_i`, which the warp contributes
+//! ([`crate::ssm::StateSpaceModel::curvature_into`]).
+//!
+//! Models whose gradient does not vanish at perfect alignment return centred gradients and the matching mixed Hessian
+//! from the same methods, so that no search method knows the difference.
+
+mod ncc;
+mod ssd;
+mod zncc;
+
+pub use ncc::Ncc;
+pub use ssd::Ssd;
+pub use zncc::Zncc;
+
+use crate::geom::solve::SymMatrix;
+use crate::kernels::{self, Jacobian};
+use crate::params::{Assignment, Built, ParamInfo, Params, Resolution};
+use crate::tracker::TrackError;
+
+/// Every appearance model of the crate, in the order of the documentation.
+pub const AMS: &[AmEntry] = &[AmEntry::of::<Ssd>(), AmEntry::of::<Zncc>(), AmEntry::of::<Ncc>()];
+
+/// Shape of a patch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PatchShape {
+    /// Sampling grid.
+    pub res: Resolution,
+    /// Planes: 1 or 3.
+    pub channels: usize,
+}
+
+impl PatchShape {
+    /// Number of values: points x channels.
+    pub fn len(&self) -> usize {
+        self.res.len() * self.channels
+    }
+    /// True when there are no values.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// Which argument of `f(T, I)` is meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The template `T`.
+    Template,
+    /// The current patch `I`.
+    Current,
+}
+
+/// Which Hessian of `f`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Curvature {
+    /// The self Hessian (function 12): both patches replaced by the side's own patch.
+    SelfHessian,
+    /// The Hessian as it stands (functions 10 and 11).
+    Standard,
+}
+
+/// How distances between features behave: what a nearest-neighbour index may assume.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Metric {
+    /// Squared Euclidean distance of feature vectors.
+    SquaredL2,
+    /// Anything else; only comparisons one by one are valid.
+    Other,
+}
+
+/// What a model can do; search methods require some of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Capabilities {
+    /// Has `df/dI`, `df/dT` and self Hessians: usable by gradient search methods.
+    pub derivatives: bool,
+    /// `f(T, I) = f(I, T)`.
+    pub symmetric: bool,
+    /// Metric of its distance feature.
+    pub metric: Metric,
+}
+
+/// Gradient (row vector `J`) and Hessian of the similarity with respect to the search parameters.
+#[derive(Clone, Debug)]
+pub struct Normal {
+    /// Gradient, length S.
+    pub gradient: Vec<f64>,
+    /// Hessian, S x S; negative definite near a maximum.
+    pub hessian: SymMatrix,
+}
+
+impl Normal {
+    /// Zero system of `s` parameters.
+    pub fn new(s: usize) -> Self {
+        Normal {
+            gradient: vec![0.0; s],
+            hessian: SymMatrix::new(s),
+        }
+    }
+}
+
+/// A similarity measure between a template and a current patch.
+///
+/// Call order: [`set_template`](Self::set_template) once, then [`set_current`](Self::set_current) with each new patch;
+/// everything else refers to those two. No method but `set_template` allocates.
+pub trait AppearanceModel: Send {
+    /// What the model can do.
+    fn capabilities(&self) -> Capabilities;
+
+    /// Takes the template patch (function 1 at initialisation) and makes it the current patch as well.
+    /// Fails when the patch is not finite or has nothing to track.
+    fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError>;
+
+    /// Takes the current patch and computes what the similarity and its derivatives share (function 4 without `f`).
+    fn set_current(&mut self, patch: &[f32]);
+
+    /// `f(T, I)` (function 4).
+    fn similarity(&self) -> f64;
+
+    /// `df/dT` (function 5) or `df/dI` (function 6) for each raw pixel value; `out` has the patch's length.
+    fn gradient_into(&mut self, side: Side, out: &mut [f32]);
+
+    /// First-order Hessian `J' (d²f/dI²) J` of the current side (function 11) or the same of the template side
+    /// (function 10); `j` has a row per value.
+    fn hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix);
+
+    /// Self Hessian (function 12): `J' (d²f(C, I)/dI² at I = C) J` with `C` the template or the current patch.
+    fn self_hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix);
+
+    /// Gradient (functions 7, 8) and the chosen Hessian in one go. `scratch` has the patch's length.
+    /// Models override it where one pass over `j` can do both.
+    fn linearise(
+        &mut self,
+        side: Side,
+        curvature: Curvature,
+        j: &Jacobian,
+        scratch: &mut [f32],
+        out: &mut Normal,
+    ) {
+        self.gradient_into(side, scratch);
+        kernels::project(j, scratch, &mut out.gradient);
+        match curvature {
+            Curvature::SelfHessian => self.self_hessian_into(side, j, &mut out.hessian),
+            Curvature::Standard => self.hessian_into(side, j, &mut out.hessian),
+        }
+    }
+
+    /// Probability-like score of the current patch, in `(0, 1]`, 1 at a perfect match.
+    fn likelihood(&self) -> f64;
+
+    /// Length of the distance feature.
+    fn feature_len(&self) -> usize;
+
+    /// Feature of any patch, such that [`distance`](Self::distance) orders pairs as `-f` does.
+    fn feature_into(&self, patch: &[f32], out: &mut [f32]);
+
+    /// Distance between two features; `query` is of the patch searched for, `stored` plays the template. May stop early and
+    /// return any value above `bound` once it is known to exceed it.
+    fn distance(&self, query: &[f32], stored: &[f32], bound: f32) -> f32 {
+        kernels::squared_distance(query, stored, bound)
+    }
+
+    /// Slow `f64` definition of the function whose derivatives the model returns, for any two patches. A model that
+    /// holds part of itself fixed while differentiating (ZNCC its normalisation) holds it at its present patches.
+    fn reference(&self, template: &[f64], current: &[f64]) -> f64;
+
+    /// Bytes kept between frames.
+    fn memory(&self) -> usize;
+}
+
+impl<T: AppearanceModel + ?Sized> AppearanceModel for Box<T> {
+    fn capabilities(&self) -> Capabilities {
+        (**self).capabilities()
+    }
+    fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
+        (**self).set_template(shape, patch)
+    }
+    fn set_current(&mut self, patch: &[f32]) {
+        (**self).set_current(patch)
+    }
+    fn similarity(&self) -> f64 {
+        (**self).similarity()
+    }
+    fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
+        (**self).gradient_into(side, out)
+    }
+    fn hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
+        (**self).hessian_into(side, j, h)
+    }
+    fn self_hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
+        (**self).self_hessian_into(side, j, h)
+    }
+    fn linearise(&mut self, side: Side, c: Curvature, j: &Jacobian, scratch: &mut [f32], out: &mut Normal) {
+        (**self).linearise(side, c, j, scratch, out)
+    }
+    fn likelihood(&self) -> f64 {
+        (**self).likelihood()
+    }
+    fn feature_len(&self) -> usize {
+        (**self).feature_len()
+    }
+    fn feature_into(&self, patch: &[f32], out: &mut [f32]) {
+        (**self).feature_into(patch, out)
+    }
+    fn distance(&self, query: &[f32], stored: &[f32], bound: f32) -> f32 {
+        (**self).distance(query, stored, bound)
+    }
+    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+        (**self).reference(template, current)
+    }
+    fn memory(&self) -> usize {
+        (**self).memory()
+    }
+}
+
+/// A model that can be listed and built by name.
+pub trait AmModel: AppearanceModel + Sized + 'static {
+    /// Its parameters.
+    type Params: Params;
+    /// Name, lower case, as in the literature.
+    const NAME: &'static str;
+    /// Other names users may type.
+    const ALIASES: &'static [&'static str] = &[];
+    /// One line for `list am`.
+    const SUMMARY: &'static str;
+    /// Builds it.
+    fn new(params: Self::Params) -> Self;
+}
+
+/// A row of the table of appearance models.
+#[derive(Clone)]
+pub struct AmEntry {
+    /// Name.
+    pub name: &'static str,
+    /// Other names.
+    pub aliases: &'static [&'static str],
+    /// One-line description.
+    pub summary: &'static str,
+    /// Parameters.
+    pub params: fn() -> Vec<ParamInfo>,
+    /// Builds the model from `(name, value)` assignments.
+    pub build: fn(&[Assignment<'_>]) -> Built<Box<dyn AppearanceModel>>,
+    /// Canonical text of a parameter after the assignments.
+    pub canonical: fn(&[Assignment<'_>], &str) -> Built<Option<String>>,
+}
+
+impl AmEntry {
+    /// The entry of model `M`.
+    pub const fn of<M: AmModel>() -> Self {
+        AmEntry {
+            name: M::NAME,
+            aliases: M::ALIASES,
+            summary: M::SUMMARY,
+            params: <M::Params as Params>::info,
+            build: |a| Ok(Box::new(M::new(M::Params::from_assignments(a)?))),
+            canonical: |a, name| Ok(M::Params::from_assignments(a)?.get(name)),
+        }
+    }
+}

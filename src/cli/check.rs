@@ -1,0 +1,454 @@
+//! `mtf-eval check`: the regression gate.
+
+use anyhow::{Context, bail, ensure};
+use mtf_eval::eval::baseline::{Baseline, Figure, Key, recorded_command};
+use mtf_eval::eval::gate::{Change, Comparison, Tolerances, Verdict};
+use mtf_eval::output::{Format, read_summary, render};
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Compare a run with a recorded baseline
+///
+/// Fails (exit code 10) when a tracker's success rate or AUC falls, or its median error rises, by more than the
+/// tolerance on any sequence or pooled. Exit code 11: the run is of another experiment; 21: it lacks trackers or
+/// sequences of the baseline.
+#[derive(clap::Args, Debug)]
+pub struct CheckArgs {
+    /// Run directory to check; without it the command recorded in the baseline is run first
+    pub run: Option<PathBuf>,
+    /// Baseline file (JSON)
+    #[arg(long, value_name = "FILE")]
+    pub baseline: PathBuf,
+    /// Tolerances (TOML: sr_5, auc, al_median); default: check.toml beside the baseline, if there is one
+    #[arg(long, value_name = "FILE")]
+    pub tolerances: Option<PathBuf>,
+    /// Largest fall of SR@5 [default: 0.01]
+    #[arg(long, value_name = "RATE", value_parser = tolerance)]
+    pub tol_sr5: Option<f64>,
+    /// Largest fall of the AUC [default: 0.005]
+    #[arg(long, value_name = "AREA", value_parser = tolerance)]
+    pub tol_auc: Option<f64>,
+    /// Largest rise of the median alignment error, px [default: 0.05]
+    #[arg(long, value_name = "PX", value_parser = tolerance)]
+    pub tol_median: Option<f64>,
+    /// Replace the baseline by this run's figures and show what changes
+    #[arg(long)]
+    pub update_baseline: bool,
+    /// Form of the list of changes
+    #[arg(long, value_enum, default_value_t)]
+    pub format: Format,
+}
+
+fn tolerance(s: &str) -> Result<f64, String> {
+    match s.parse::<f64>() {
+        Ok(v) if v >= 0.0 => Ok(v),
+        _ => Err("expected a number >= 0".to_owned()),
+    }
+}
+
+impl CheckArgs {
+    /// Defaults, overridden by the file, overridden by flags.
+    fn tolerances(&self) -> anyhow::Result<Tolerances> {
+        let beside = self.baseline.with_file_name("check.toml");
+        let file = self
+            .tolerances
+            .clone()
+            .or_else(|| beside.is_file().then_some(beside));
+        let file = file
+            .map(|path| Tolerances::read(&path))
+            .transpose()?
+            .unwrap_or_default();
+        Ok(Tolerances {
+            sr_5: self.tol_sr5.unwrap_or(file.sr_5),
+            auc: self.tol_auc.unwrap_or(file.auc),
+            al_median: self.tol_median.unwrap_or(file.al_median),
+        })
+    }
+}
+
+/// Runs the command. `run_command` executes `mtf-eval run` with the given arguments and returns the run directory.
+///
+/// # Errors
+/// Bad input (exit code 2): a file that cannot be read, a baseline without a command to run.
+pub fn run(
+    args: &CheckArgs,
+    run_command: &dyn Fn(&[String]) -> anyhow::Result<PathBuf>,
+) -> anyhow::Result<ExitCode> {
+    let tolerances = args.tolerances()?;
+    let old = match Baseline::read(&args.baseline) {
+        Ok(baseline) => Some(baseline),
+        Err(_) if args.update_baseline && !args.baseline.exists() => None,
+        Err(error) => return Err(error).context("cannot use the baseline"),
+    };
+    let dir = match (&args.run, &old) {
+        (Some(dir), _) => dir.clone(),
+        (None, None) => bail!(
+            "{} does not exist: name the run to record",
+            args.baseline.display()
+        ),
+        (None, Some(old)) => {
+            ensure!(
+                !old.command.is_empty(),
+                "{} records no command: name the run to check",
+                args.baseline.display()
+            );
+            run_command(&old.command).context("the baseline's command failed")?
+        }
+    };
+    let results = read_summary(&dir).context("not a finished run")?;
+    // A run directory that does not say how it was made keeps the command the baseline had.
+    let command = recorded_command(&dir).or_else(|| old.as_ref().map(|b| b.command.clone()));
+    let now = Baseline::new(&results, command.unwrap_or_default());
+
+    let mut out = std::io::stdout().lock();
+    if args.update_baseline {
+        let report = update(args, old.as_ref(), &now)?;
+        write!(out, "{report}")?;
+        let failed = results.failed_runs();
+        if failed > 0 {
+            eprintln!("warning: {failed} failed runs are now part of the baseline");
+        }
+        return Ok(ExitCode::SUCCESS);
+    }
+    let Some(old) = old else {
+        bail!("{} does not exist", args.baseline.display())
+    };
+    let comparison = old.compare(&now, &tolerances);
+    write!(out, "{}", report(&comparison, &tolerances, args.format))?;
+    Ok(ExitCode::from(comparison.verdict().exit_code()))
+}
+
+/// Writes the new baseline and says what changes.
+fn update(args: &CheckArgs, old: Option<&Baseline>, now: &Baseline) -> anyhow::Result<String> {
+    now.write(&args.baseline)?;
+    let name = args.baseline.display();
+    let Some(old) = old else {
+        return Ok(format!("{name}: recorded {} lines\n", now.figures.len()));
+    };
+    let diff = old.compare(now, &Tolerances::NONE);
+    let changes: Vec<&Change> = diff
+        .drops
+        .iter()
+        .chain(&diff.improved)
+        .chain(&diff.unjudged)
+        .collect();
+    let mut text = String::new();
+    if args.format == Format::Json {
+        return Ok(json(&diff, None));
+    }
+    if !changes.is_empty() {
+        text += &changes_table(&changes, "new", args.format);
+        text.push('\n');
+    }
+    text += &keys("removed", &diff.missing);
+    text += &keys("added", &diff.added);
+    if old.command != now.command {
+        text += &format!(
+            "command: {}\n      -> {}\n",
+            old.command.join(" "),
+            now.command.join(" ")
+        );
+    }
+    text += &format!(
+        "{name}: updated; {} worse, {} better, {} over other frames, {} unchanged, {} added, {} removed\n",
+        diff.drops.len(),
+        diff.improved.len(),
+        diff.unjudged.len(),
+        diff.unchanged,
+        diff.added.len(),
+        diff.missing.len()
+    );
+    Ok(text)
+}
+
+/// The changes as rows of text.
+fn changes_table(changes: &[&Change], now: &str, format: Format) -> String {
+    let header = ["tracker", "sequence", "figure", "baseline", now, "change"];
+    let rows: Vec<Vec<String>> = changes
+        .iter()
+        .map(|c| {
+            let figure = |v: f64| {
+                if v.is_nan() {
+                    "-".to_owned()
+                } else {
+                    format!("{v:.4}")
+                }
+            };
+            let change = c.now - c.baseline;
+            let change = if change.is_nan() {
+                "-".to_owned()
+            } else {
+                format!("{change:+.4}")
+            };
+            let (baseline, now) = (figure(c.baseline), figure(c.now));
+            vec![
+                c.key.tracker.clone(),
+                c.key.place(),
+                c.figure.name().to_owned(),
+                baseline,
+                now,
+                change,
+            ]
+        })
+        .collect();
+    render(&header, &rows, format, false)
+}
+
+/// One line per key, at most twenty.
+fn keys(what: &str, keys: &[Key]) -> String {
+    const SHOWN: usize = 20;
+    let mut text: String = keys
+        .iter()
+        .take(SHOWN)
+        .map(|k| format!("{what}: {} on {}\n", k.tracker, k.place()))
+        .collect();
+    if keys.len() > SHOWN {
+        text += &format!("{what}: {} more\n", keys.len() - SHOWN);
+    }
+    text
+}
+
+fn json(comparison: &Comparison, tolerances: Option<&Tolerances>) -> String {
+    let change = |c: &Change| {
+        serde_json::json!({
+            "tracker": c.key.tracker, "dataset": c.key.dataset, "sequence": c.key.sequence, "start": c.key.start,
+            "figure": c.figure, "baseline": c.baseline, "now": c.now,
+        })
+    };
+    let changes = |list: &[Change]| list.iter().map(change).collect::<Vec<_>>();
+    let value = serde_json::json!({
+        "passed": comparison.verdict() == Verdict::Passed,
+        "exit_code": comparison.verdict().exit_code(),
+        "tolerances": tolerances,
+        "drops": changes(&comparison.drops),
+        "improved": changes(&comparison.improved),
+        "unjudged": changes(&comparison.unjudged),
+        "unchanged": comparison.unchanged,
+        "failed": comparison.failed,
+        "missing": comparison.missing,
+        "added": comparison.added,
+        "not_comparable": comparison.not_comparable,
+    });
+    format!("{value:#}\n")
+}
+
+/// What `check` prints: drops, what is missing, and one line that says how it went.
+fn report(comparison: &Comparison, tolerances: &Tolerances, format: Format) -> String {
+    let drops: Vec<&Change> = comparison.drops.iter().collect();
+    match format {
+        Format::Json => return json(comparison, Some(tolerances)),
+        Format::Csv => return changes_table(&drops, "now", format),
+        Format::Table | Format::Md => {}
+    }
+    let mut text = String::new();
+    if !drops.is_empty() {
+        text += &changes_table(&drops, "now", format);
+        text.push('\n');
+    }
+    for reason in &comparison.not_comparable {
+        text += &format!("not comparable: {reason}\n");
+    }
+    text += &keys("missing", &comparison.missing);
+    text += &keys("failed", &comparison.failed);
+    text += &keys("not in the baseline", &comparison.added);
+    let trackers: BTreeSet<&str> = drops.iter().map(|c| c.key.tracker.as_str()).collect();
+    let tolerated = Figure::ALL
+        .map(|f| format!("{} {}", f.name(), tolerances.of(f)))
+        .join(", ");
+    let worse = match drops.len() {
+        0 => "no drops".to_owned(),
+        n => format!(
+            "{n} drops in {} tracker{}",
+            trackers.len(),
+            if trackers.len() == 1 { "" } else { "s" }
+        ),
+    };
+    let word = match comparison.verdict() {
+        Verdict::Passed => "passed",
+        Verdict::Dropped => "failed",
+        Verdict::NotComparable => "not comparable",
+        Verdict::Incomplete => "incomplete",
+    };
+    text + &format!(
+        "check {word}: {worse}, {} improved, {} unchanged (tolerances: {tolerated} px)\n",
+        comparison.improved.len(),
+        comparison.unchanged
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+    use mtf_eval::eval::aggregate::{TrackerName, UnitResult, UnitStatus, aggregate};
+    use mtf_eval::eval::error::frame_error;
+    use mtf_eval::geom::Corners;
+    use mtf_eval::output::{Meta, write_results};
+
+    #[derive(clap::Parser)]
+    struct Cli {
+        #[command(flatten)]
+        check: CheckArgs,
+    }
+
+    fn unit(sequence: &str, shifts: &[f64]) -> UnitResult {
+        let truth = Corners::rect(40.0, 40.0, 100.0, 80.0);
+        UnitResult {
+            tracker: TrackerName {
+                id: "esm/ssd/affine".to_owned(),
+                ..TrackerName::default()
+            },
+            dataset: "builtin".to_owned(),
+            sequence: sequence.to_owned(),
+            start: 0,
+            protocol: "ope".to_owned(),
+            status: UnitStatus::Ok,
+            errors: shifts
+                .iter()
+                .map(|d| Some(frame_error(&truth.translated(*d, 0.0), &truth)))
+                .collect(),
+        }
+    }
+
+    /// A directory with runs `good` (and its command), `bad`, `part`; returns what `check` makes of the arguments.
+    struct Runs(tempfile::TempDir);
+
+    impl Runs {
+        fn new() -> Runs {
+            let dir = tempfile::tempdir().unwrap();
+            let write = |name: &str, units: &[UnitResult]| {
+                let run = dir.path().join(name);
+                std::fs::create_dir(&run).unwrap();
+                write_results(&run, &aggregate(units), &Meta::default()).unwrap();
+            };
+            let (wall, book) = (unit("wall", &[0.5, 1.0, 1.5]), unit("book", &[0.2, 0.2]));
+            write("good", &[wall.clone(), book.clone()]);
+            write("bad", &[unit("wall", &[0.5, 9.0, 9.0]), book]);
+            write("part", &[wall]);
+            std::fs::write(
+                dir.path().join("good/run.json"),
+                r#"{"command": ["builtin", "-j", "2"]}"#,
+            )
+            .unwrap();
+            Runs(dir)
+        }
+
+        fn path(&self, name: &str) -> PathBuf {
+            self.0.path().join(name)
+        }
+
+        fn args(&self, args: &[&str]) -> CheckArgs {
+            let baseline = format!("--baseline={}", self.path("baseline.json").display());
+            let args = args.iter().map(|a| {
+                if a.starts_with('-') {
+                    a.into()
+                } else {
+                    self.path(a)
+                }
+            });
+            Cli::parse_from(["check".into(), baseline.into()].into_iter().chain(args)).check
+        }
+
+        fn check(&self, args: &[&str]) -> anyhow::Result<String> {
+            let run_command = |command: &[String]| {
+                assert_eq!(command, ["builtin"]);
+                Ok(self.path("good"))
+            };
+            run(&self.args(args), &run_command).map(|code| format!("{code:?}"))
+        }
+    }
+
+    fn code(n: u8) -> String {
+        format!("{:?}", ExitCode::from(n))
+    }
+
+    #[test]
+    fn exit_codes() {
+        let runs = Runs::new();
+        assert!(runs.check(&["good"]).is_err(), "no baseline yet");
+        assert!(runs.check(&["--update-baseline"]).is_err(), "nothing to record");
+        assert_eq!(runs.check(&["good", "--update-baseline"]).unwrap(), code(0));
+        assert_eq!(runs.check(&["good"]).unwrap(), code(0));
+        assert_eq!(runs.check(&["bad"]).unwrap(), code(10));
+        assert_eq!(runs.check(&["part"]).unwrap(), code(21));
+        assert!(runs.check(&["nowhere"]).is_err());
+        // The recorded command is run when no run is named.
+        assert_eq!(runs.check(&[]).unwrap(), code(0));
+        // Flags override check.toml, which overrides the defaults.
+        std::fs::write(runs.path("check.toml"), "sr_5 = 1\nauc = 1\nal_median = 100").unwrap();
+        assert_eq!(runs.check(&["bad"]).unwrap(), code(0));
+        assert_eq!(runs.check(&["bad", "--tol-auc=0.1"]).unwrap(), code(10));
+        std::fs::write(runs.path("check.toml"), "sr5 = 1").unwrap();
+        assert!(runs.check(&["bad"]).is_err());
+    }
+
+    #[test]
+    fn a_baseline_without_command_needs_a_run() {
+        let runs = Runs::new();
+        runs.check(&["bad", "--update-baseline"]).unwrap();
+        assert!(
+            runs.check(&[])
+                .unwrap_err()
+                .to_string()
+                .contains("records no command")
+        );
+        // Updating from a run that knows its command records it; from one that does not, keeps it.
+        for run in ["good", "bad"] {
+            runs.check(&[run, "--update-baseline"]).unwrap();
+            assert_eq!(
+                Baseline::read(&runs.path("baseline.json")).unwrap().command,
+                ["builtin"]
+            );
+        }
+    }
+
+    #[test]
+    fn reports() {
+        let runs = Runs::new();
+        let baseline = |name: &str| Baseline::new(&read_summary(&runs.path(name)).unwrap(), Vec::new());
+        let (good, bad, part) = (baseline("good"), baseline("bad"), baseline("part"));
+        let tolerances = Tolerances::default();
+        let print = |now: &Baseline, format| report(&good.compare(now, &tolerances), &tolerances, format);
+        insta::assert_snapshot!(print(&good, Format::Table), @"check passed: no drops, 0 improved, 9 unchanged (tolerances: sr_5 0.01, auc 0.005, al_median 0.05 px)");
+        insta::assert_snapshot!(print(&bad, Format::Table), @"
+        tracker         sequence      figure     baseline     now   change
+        esm/ssd/affine  builtin/wall  al_median    1.0000  9.0000  +8.0000
+        esm/ssd/affine  builtin/wall  sr_5         1.0000  0.3333  -0.6667
+        esm/ssd/affine  builtin/wall  auc          0.9567  0.7000  -0.2567
+        esm/ssd/affine  pooled        sr_5         1.0000  0.6000  -0.4000
+        esm/ssd/affine  pooled        auc          0.9740  0.8200  -0.1540
+
+        check failed: 5 drops in 1 tracker, 0 improved, 4 unchanged (tolerances: sr_5 0.01, auc 0.005, al_median 0.05 px)
+        ");
+        insta::assert_snapshot!(print(&part, Format::Md), @"
+        missing: esm/ssd/affine on builtin/book
+        check incomplete: no drops, 0 improved, 4 unchanged (tolerances: sr_5 0.01, auc 0.005, al_median 0.05 px)
+        ");
+        insta::assert_snapshot!(print(&bad, Format::Csv).lines().take(2).collect::<Vec<_>>().join("\n"), @"
+        tracker,sequence,figure,baseline,now,change
+        esm/ssd/affine,builtin/wall,al_median,1.0000,9.0000,+8.0000
+        ");
+        let json: serde_json::Value = serde_json::from_str(&print(&bad, Format::Json)).unwrap();
+        assert_eq!(
+            (json["exit_code"].as_u64(), json["drops"][0]["figure"].as_str()),
+            (Some(10), Some("al_median"))
+        );
+
+        let args = runs.args(&["part", "--update-baseline"]);
+        let text = update(&args, Some(&bad), &part).unwrap();
+        insta::assert_snapshot!(text.replace(&args.baseline.display().to_string(), "baseline.json"), @"
+        tracker         sequence      figure     baseline     new   change
+        esm/ssd/affine  builtin/wall  al_median    9.0000  1.0000  -8.0000
+        esm/ssd/affine  builtin/wall  sr_5         0.3333  1.0000  +0.6667
+        esm/ssd/affine  builtin/wall  auc          0.7000  0.9567  +0.2567
+        esm/ssd/affine  pooled        sr_5         0.6000  1.0000  +0.4000
+        esm/ssd/affine  pooled        auc          0.8200  0.9567  +0.1367
+        esm/ssd/affine  pooled        al_median    0.5000  1.0000  +0.5000
+
+        removed: esm/ssd/affine on builtin/book
+        baseline.json: updated; 0 worse, 3 better, 3 over other frames, 0 unchanged, 0 added, 1 removed
+        ");
+    }
+}

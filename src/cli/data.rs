@@ -1,0 +1,165 @@
+//! `mtf-eval data`: looks into datasets and finds what is wrong with them.
+
+use anyhow::Result;
+use clap::{Args, Subcommand, ValueEnum};
+use comfy_table::{CellAlignment, Table, presets};
+use mtf_eval::dataset::{self, Dataset, LoadOptions, Severity};
+use serde_json::{Value, json};
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Exit code for faulty data.
+const BAD_DATA: u8 = 2;
+
+/// Find what is wrong with datasets, or show what they hold
+#[derive(Args, Clone, Debug)]
+pub struct DataArgs {
+    #[command(subcommand)]
+    command: DataCommand,
+}
+
+#[derive(Clone, Debug, Subcommand)]
+enum DataCommand {
+    /// Find every fault: one line `path:line: what; remedy` each. Exit code 2 when there are any
+    Check {
+        /// Datasets: folders, or `builtin` for the embedded one
+        #[arg(value_name = "DATA", default_value = dataset::BUILTIN)]
+        paths: Vec<PathBuf>,
+    },
+    /// Show sequences with frames, size, tags and fingerprint
+    Info {
+        /// Datasets: folders, or `builtin` for the embedded one
+        #[arg(value_name = "DATA", default_value = dataset::BUILTIN)]
+        paths: Vec<PathBuf>,
+        /// How to print
+        #[arg(long, value_enum, default_value_t)]
+        format: InfoFormat,
+        /// Decode every frame and cover its pixels in the fingerprint
+        #[arg(long)]
+        paranoid: bool,
+    },
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum InfoFormat {
+    #[default]
+    Table,
+    Json,
+}
+
+/// Runs `data`. Results go to stdout, messages to stderr.
+pub fn run(args: &DataArgs) -> Result<ExitCode> {
+    match &args.command {
+        DataCommand::Check { paths } => check(paths),
+        DataCommand::Info {
+            paths,
+            format,
+            paranoid,
+        } => info(paths, *format, *paranoid),
+    }
+}
+
+fn check(paths: &[PathBuf]) -> Result<ExitCode> {
+    let (mut sequences, mut frames, mut errors, mut warnings) = (0, 0, 0, 0);
+    let mut out = std::io::stdout().lock();
+    for path in paths {
+        let checked = dataset::check(path);
+        sequences += checked.sequences;
+        frames += checked.frames;
+        for fault in &checked.faults {
+            match fault.severity {
+                Severity::Error => errors += 1,
+                Severity::Warning => warnings += 1,
+            }
+            writeln!(out, "{fault}")?;
+        }
+    }
+    out.flush()?;
+    let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+    eprintln!(
+        "{}, {}: {}, {}",
+        count(sequences, "sequence"),
+        count(frames, "frame"),
+        count(errors, "error"),
+        count(warnings, "warning")
+    );
+    Ok(if errors == 0 {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::from(BAD_DATA)
+    })
+}
+
+fn info(paths: &[PathBuf], format: InfoFormat, paranoid: bool) -> Result<ExitCode> {
+    let mut sets = Vec::new();
+    for path in paths {
+        let set = dataset::load(path, &LoadOptions::default())?;
+        let rows = rows(&set, paranoid)?;
+        sets.push((set.name, rows));
+    }
+    let mut out = std::io::stdout().lock();
+    match format {
+        InfoFormat::Json => {
+            let sets: Vec<Value> = sets
+                .iter()
+                .map(|(name, rows)| json!({ "name": name, "sequences": rows }))
+                .collect();
+            serde_json::to_writer_pretty(&mut out, &json!({ "schema_version": 1, "datasets": sets }))?;
+            writeln!(out)?;
+        }
+        InfoFormat::Table => writeln!(out, "{}", table(&sets))?,
+    }
+    out.flush()?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn rows(set: &Dataset, paranoid: bool) -> Result<Vec<Value>> {
+    let row = |s: &dataset::Sequence| -> Result<Value> {
+        Ok(json!({
+            "dataset": s.dataset(),
+            "sequence": s.name(),
+            "frames": s.len(),
+            "annotated": s.annotated(),
+            "width": s.width(),
+            "height": s.height(),
+            "tags": s.tags(),
+            "fingerprint": if paranoid { s.fingerprint_of_pixels()? } else { s.fingerprint() },
+        }))
+    };
+    set.sequences.iter().map(row).collect()
+}
+
+fn table(sets: &[(String, Vec<Value>)]) -> Table {
+    let mut table = Table::new();
+    table.load_preset(presets::NOTHING);
+    table.set_header([
+        "dataset",
+        "sequence",
+        "frames",
+        "annotated",
+        "size",
+        "fingerprint",
+        "tags",
+    ]);
+    let text = |v: &Value| v.as_str().map_or_else(|| v.to_string(), String::from);
+    for row in sets.iter().flat_map(|(_, rows)| rows) {
+        let tags: Vec<String> = row["tags"].as_array().into_iter().flatten().map(text).collect();
+        table.add_row([
+            text(&row["dataset"]),
+            text(&row["sequence"]),
+            text(&row["frames"]),
+            text(&row["annotated"]),
+            format!("{}x{}", row["width"], row["height"]),
+            // Enough to tell data apart at a glance; JSON has all of it.
+            text(&row["fingerprint"]).chars().take(12).collect(),
+            tags.join(" "),
+        ]);
+    }
+    for column in [2, 3, 4] {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table
+}

@@ -1,0 +1,127 @@
+//! Finds every fault of a dataset.
+
+use super::layout::{Found, find};
+use super::open::Draft;
+use super::sequence::{check_size, read_frame};
+use super::{DatasetError, resolve};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+
+/// How bad a fault is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// The data can be used as it stands.
+    Warning,
+    /// Loading fails or leaves something out.
+    Error,
+}
+
+/// A fault of a dataset. Displays as `path:line: message`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fault {
+    /// File or folder.
+    pub path: PathBuf,
+    /// Line of the file, from 1, when the fault has one.
+    pub line: Option<usize>,
+    /// What is wrong; what to do.
+    pub message: String,
+    /// How bad it is.
+    pub severity: Severity,
+}
+
+impl Fault {
+    fn new(error: &DatasetError, severity: Severity) -> Self {
+        Fault {
+            message: error.kind.to_string(),
+            path: error.path.clone(),
+            line: error.line,
+            severity,
+        }
+    }
+}
+
+impl From<&DatasetError> for Fault {
+    fn from(error: &DatasetError) -> Self {
+        Fault::new(error, Severity::Error)
+    }
+}
+
+impl std::fmt::Display for Fault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}:", self.path.display())?;
+        if let Some(line) = self.line {
+            write!(f, "{line}:")?;
+        }
+        let warning = if self.severity == Severity::Warning {
+            "warning: "
+        } else {
+            ""
+        };
+        write!(f, " {warning}{}", self.message)
+    }
+}
+
+/// What [`check`] looked at and found.
+#[derive(Clone, Debug, Default)]
+pub struct Checked {
+    /// Sequences found.
+    pub sequences: usize,
+    /// Frames decoded.
+    pub frames: usize,
+    /// Every fault, in order of sequences; within one: structure, ground truth, frames.
+    pub faults: Vec<Fault>,
+}
+
+/// Every fault of the dataset at `path` (a folder, or `builtin`). Decodes every frame, on all threads.
+pub fn check(path: &Path) -> Checked {
+    let found = match resolve(path).and_then(|root| find(&root)) {
+        Ok(found) => found,
+        Err(e) => {
+            return Checked {
+                faults: vec![Fault::from(&e)],
+                ..Checked::default()
+            };
+        }
+    };
+    let mut checked = Checked {
+        sequences: found.len(),
+        ..Checked::default()
+    };
+    for found in found {
+        checked.frames += found.frames.len();
+        checked.faults.extend(check_sequence(found));
+    }
+    checked
+}
+
+fn check_sequence(found: Found) -> Vec<Fault> {
+    let mut draft = Draft::new(found);
+    let mut errors = std::mem::take(&mut draft.fatal);
+    let truth_is_usable = errors.is_empty() && draft.truth.corners.iter().any(|c| c.is_some());
+
+    let sizes: Vec<_> = draft
+        .found
+        .frames
+        .par_iter()
+        .map(|(_, file)| read_frame(file, false).map(|d| (d.width(), d.height())))
+        .collect();
+    let first = sizes.iter().find_map(|size| size.as_ref().ok()).copied();
+
+    let truth_faults = std::mem::take(&mut draft.truth.faults);
+    // The start is only looked at when its row had no fault of its own.
+    let start_reported = truth_faults
+        .iter()
+        .any(|f| f.line.is_some() && Some(f.line) == draft.truth.lines.first().copied());
+    errors.extend(truth_faults);
+    if let (Some(size), true, false) = (first, truth_is_usable, start_reported) {
+        errors.extend(draft.start_fault(0, size));
+    }
+    for ((_, file), size) in draft.found.frames.iter().zip(sizes) {
+        match size {
+            Err(e) => errors.push(e),
+            Ok(size) => errors.extend(first.and_then(|first| check_size(file, size, first).err())),
+        }
+    }
+    let warnings = draft.warnings.iter().map(|e| Fault::new(e, Severity::Warning));
+    errors.iter().map(Fault::from).chain(warnings).collect()
+}

@@ -1,0 +1,223 @@
+//! What can be wrong with a dataset, and where.
+
+use crate::image::ImageError;
+use std::path::{Path, PathBuf};
+
+/// A fault of a dataset: where it is, what is wrong and what to do. Displays as `path:line: what; remedy`.
+#[derive(Debug, thiserror::Error)]
+pub struct DatasetError {
+    /// File or folder with the fault.
+    pub path: PathBuf,
+    /// Line of the file, from 1, when the fault has one.
+    pub line: Option<usize>,
+    /// What is wrong.
+    pub kind: DatasetErrorKind,
+}
+
+impl DatasetError {
+    /// A fault of a whole file or folder.
+    pub fn new(path: impl AsRef<Path>, kind: DatasetErrorKind) -> Self {
+        DatasetError {
+            path: path.as_ref().to_path_buf(),
+            line: None,
+            kind,
+        }
+    }
+
+    /// A fault in a line (from 1) of a text file.
+    pub fn at_line(path: impl AsRef<Path>, line: usize, kind: DatasetErrorKind) -> Self {
+        DatasetError {
+            path: path.as_ref().to_path_buf(),
+            line: Some(line),
+            kind,
+        }
+    }
+}
+
+impl std::fmt::Display for DatasetError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}:", self.path.display())?;
+        if let Some(line) = self.line {
+            write!(f, "{line}:")?;
+        }
+        write!(f, " {}", self.kind)
+    }
+}
+
+/// The kinds of fault. Their messages are fragments `what is wrong; remedy`.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DatasetErrorKind {
+    /// The path does not exist.
+    #[error("no such file or folder; check the spelling, or give the folder that holds the sequences")]
+    Missing,
+    /// The path is a file.
+    #[error("not a folder; give the folder that holds the frames or the sequences")]
+    NotAFolder,
+    /// Reading failed.
+    #[error("cannot be read ({0}); check its permissions")]
+    Io(std::io::Error),
+    /// The folder has no entries.
+    #[error("the folder is empty; put a sequence (frames and `groundtruth.txt`) into it")]
+    EmptyFolder,
+    /// The folder holds nothing that looks like a sequence.
+    #[error(
+        "no sequence found; expected frames and `groundtruth.txt` in the folder or its subfolders, or `SEQ.txt` beside each frame folder `SEQ`"
+    )]
+    NoSequences,
+    /// The built-in dataset is not part of this build.
+    #[error("this build has no embedded sequences; give the path of a dataset")]
+    NothingEmbedded,
+    /// Frames without ground truth.
+    #[error(
+        "frames without ground truth; add `groundtruth.txt` to the folder, or a text file named like the folder beside it"
+    )]
+    NoGroundTruth,
+    /// Ground truth without frames.
+    #[error("no frames (JPEG, PNG, PNM, BMP, TIFF or GIF files) for the ground truth; add them")]
+    NoFrames,
+    /// The ground truth is not UTF-8 text.
+    #[error("not a text file; ground truth is a line of numbers per frame")]
+    NotText,
+    /// The ground truth has no rows.
+    #[error("no rows of ground truth; write a line of 8 corner coordinates per frame")]
+    NoRows,
+    /// No known ground-truth form has rows of this many numbers.
+    #[error(
+        "rows of {numbers} numbers; expected 8 corner coordinates (UL UR LR LL), a box of 4 (x y w h), or a frame name and 8 coordinates"
+    )]
+    UnknownForm {
+        /// Numbers in most rows.
+        numbers: usize,
+    },
+    /// A row has another number of numbers than its form asks for.
+    #[error("{found} numbers instead of {expected}; complete the row")]
+    WrongCount {
+        /// Numbers in the row.
+        found: usize,
+        /// Numbers that the form has.
+        expected: usize,
+    },
+    /// A word where a number should be.
+    #[error("`{word}` is not a number; correct the row")]
+    NotANumber {
+        /// The word.
+        word: String,
+    },
+    /// A coordinate is NaN or infinite.
+    #[error(
+        "a coordinate is not finite; correct the row, or write a word such as `unannotated` after the frame name"
+    )]
+    NotFinite,
+    /// All corners lie on one line or point.
+    #[error("the quadrilateral has zero area; correct the row")]
+    ZeroArea,
+    /// The corners do not make a convex quadrilateral.
+    #[error("the quadrilateral is not convex; give the corners in the order UL UR LR LL")]
+    NotConvex,
+    /// A corner of the first frame lies outside the image.
+    #[error(
+        "a corner of the initial quadrilateral lies outside the {width}x{height} image; correct the row or start at another frame"
+    )]
+    InitialOutside {
+        /// Width of the image in pixels.
+        width: usize,
+        /// Height of the image in pixels.
+        height: usize,
+    },
+    /// The frame where tracking starts has no corners.
+    #[error("the first frame `{frame}` is not annotated; annotate it or start at another frame")]
+    NoInitialTruth {
+        /// Name of the frame.
+        frame: String,
+    },
+    /// A frame has no row.
+    #[error(
+        "no row for frame `{frame}`; add it (a frame without annotation needs a row with a word such as `unannotated`)"
+    )]
+    MissingRow {
+        /// Name of the frame.
+        frame: String,
+    },
+    /// Fewer rows than frames.
+    #[error(
+        "{rows} rows of ground truth for {frames} frames, `{frame}` and later have none; add the missing rows or remove the frames"
+    )]
+    FewerRows {
+        /// Rows in the file.
+        rows: usize,
+        /// Frames in the folder.
+        frames: usize,
+        /// First frame without a row.
+        frame: String,
+    },
+    /// More rows than frames.
+    #[error(
+        "{rows} rows of ground truth for {frames} frames, from this row on there is no frame; add the missing frames or remove the rows"
+    )]
+    MoreRows {
+        /// Rows in the file.
+        rows: usize,
+        /// Frames in the folder.
+        frames: usize,
+    },
+    /// A row names a frame that is not there.
+    #[error("there is no frame `{frame}`; add it or remove the row")]
+    UnknownFrame {
+        /// Name in the row.
+        frame: String,
+    },
+    /// Two rows name the same frame.
+    #[error("a second row for frame `{frame}`; remove one")]
+    DuplicateRow {
+        /// Name in the row.
+        frame: String,
+    },
+    /// A frame cannot be decoded.
+    #[error("{0}")]
+    Image(ImageError),
+    /// A frame has another size than the first.
+    #[error(
+        "the frame is {width}x{height} pixels but the first is {first_width}x{first_height}; make all frames of one size"
+    )]
+    SizeMismatch {
+        /// Width in pixels.
+        width: usize,
+        /// Height in pixels.
+        height: usize,
+        /// Width of the first frame in pixels.
+        first_width: usize,
+        /// Height of the first frame in pixels.
+        first_height: usize,
+    },
+    /// `meta.json` cannot be understood.
+    #[error("bad metadata ({detail}); expected {{\"tags\": [\"word\", ...]}}")]
+    BadMeta {
+        /// What the parser met.
+        detail: String,
+    },
+    /// The selection of frames leaves none.
+    #[error(
+        "no frame left: the selection starts at frame {start} and the sequence has {frames}; start earlier"
+    )]
+    NothingSelected {
+        /// First selected frame, from 0.
+        start: usize,
+        /// Frames in the sequence.
+        frames: usize,
+    },
+}
+
+// Messages hold those of their causes, so causes are not chained: a report would say everything twice.
+
+impl From<std::io::Error> for DatasetErrorKind {
+    fn from(error: std::io::Error) -> Self {
+        DatasetErrorKind::Io(error)
+    }
+}
+
+impl From<ImageError> for DatasetErrorKind {
+    fn from(error: ImageError) -> Self {
+        DatasetErrorKind::Image(error)
+    }
+}

@@ -1,0 +1,226 @@
+//! One sequence: frames, ground truth, tags; decoded frame by frame on demand.
+
+use super::source::{File, Folder};
+use super::{DatasetError, DatasetErrorKind};
+use crate::geom::Corners;
+use crate::image::{Decoded, decode};
+use sha2::{Digest, Sha256};
+use std::borrow::Cow;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
+
+/// File in a sequence's folder with dense ground truth: frame, then points of the template grid.
+pub(super) const GRID_FILE: &str = "groundtruth_grid.csv";
+
+/// Image sequence with ground-truth corners, or a selection of its frames. Cloning and selecting share everything.
+#[derive(Clone, Debug)]
+pub struct Sequence {
+    whole: Arc<Whole>,
+    start: usize,
+    step: usize,
+    len: usize,
+}
+
+/// What all selections of a sequence share.
+#[derive(Debug)]
+pub(super) struct Whole {
+    pub dataset: String,
+    pub name: String,
+    pub folder: Folder,
+    pub frames: Vec<(String, File)>,
+    pub truth: Vec<Option<Corners>>,
+    pub truth_digest: [u8; 32],
+    pub tags: Vec<String>,
+    pub width: usize,
+    pub height: usize,
+    /// File sizes in bytes, asked for once.
+    pub sizes: OnceLock<Vec<Option<u64>>>,
+    pub decoded: AtomicUsize,
+}
+
+impl Sequence {
+    pub(super) fn new(whole: Whole) -> Self {
+        let len = whole.frames.len();
+        Sequence {
+            whole: Arc::new(whole),
+            start: 0,
+            step: 1,
+            len,
+        }
+    }
+
+    /// Every `gap`-th frame, beginning with the first; names and truth of the kept frames are unchanged. 0 counts as 1.
+    pub fn with_gap(&self, gap: usize) -> Self {
+        let gap = gap.max(1);
+        Sequence {
+            step: self.step * gap,
+            len: self.len.div_ceil(gap),
+            ..self.clone()
+        }
+    }
+
+    /// The first `frames` frames.
+    pub fn truncated(&self, frames: usize) -> Self {
+        Sequence {
+            len: self.len.min(frames),
+            ..self.clone()
+        }
+    }
+
+    /// The frames from `start` on (none when there are not as many).
+    pub fn from_frame(&self, start: usize) -> Self {
+        let skipped = start.min(self.len);
+        Sequence {
+            start: self.start + skipped * self.step,
+            len: self.len - skipped,
+            ..self.clone()
+        }
+    }
+
+    /// Name of the dataset that the sequence belongs to.
+    pub fn dataset(&self) -> &str {
+        &self.whole.dataset
+    }
+    /// Name, unique within the dataset.
+    pub fn name(&self) -> &str {
+        &self.whole.name
+    }
+    /// The folder it was found in.
+    pub fn path(&self) -> &Path {
+        self.whole.folder.path()
+    }
+    /// Number of frames.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+    /// No frames.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+    /// Width of every frame in pixels.
+    pub fn width(&self) -> usize {
+        self.whole.width
+    }
+    /// Height of every frame in pixels.
+    pub fn height(&self) -> usize {
+        self.whole.height
+    }
+    /// Words that say what is hard about it.
+    pub fn tags(&self) -> &[String] {
+        &self.whole.tags
+    }
+
+    /// Position of frame `i` in the whole sequence; panics when `i >= len()`.
+    pub fn index(&self, i: usize) -> usize {
+        assert!(i < self.len, "frame {i} of {}", self.len);
+        self.start + i * self.step
+    }
+    /// File name of frame `i`; panics when `i >= len()`.
+    pub fn frame_name(&self, i: usize) -> &str {
+        &self.whole.frames[self.index(i)].0
+    }
+    /// Ground truth of frame `i` in image pixels, `None` when it is not annotated; panics when `i >= len()`.
+    pub fn truth(&self, i: usize) -> Option<Corners> {
+        self.whole.truth[self.index(i)]
+    }
+    /// Number of annotated frames.
+    pub fn annotated(&self) -> usize {
+        (0..self.len).filter(|&i| self.truth(i).is_some()).count()
+    }
+
+    /// Decodes frame `i` (with R, G, B when `colour`); panics when `i >= len()`.
+    ///
+    /// Errors: the file cannot be read or decoded, or has another size than the first frame.
+    pub fn read(&self, i: usize, colour: bool) -> Result<Decoded, DatasetError> {
+        let file = &self.whole.frames[self.index(i)].1;
+        self.whole.decoded.fetch_add(1, Ordering::Relaxed);
+        let decoded = read_frame(file, colour)?;
+        let size = (decoded.width(), decoded.height());
+        check_size(file, size, (self.whole.width, self.whole.height))?;
+        Ok(decoded)
+    }
+
+    /// How many times a frame was decoded by [`read`](Self::read), over all clones and selections of the sequence.
+    pub fn decoded_count(&self) -> usize {
+        self.whole.decoded.load(Ordering::Relaxed)
+    }
+
+    /// Content of another file in the sequence's folder, such as dense ground truth; `None` when there is none.
+    pub fn file(&self, name: &str) -> Result<Option<Cow<'static, [u8]>>, DatasetError> {
+        self.whole.folder.list()?.file(name).map(File::read).transpose()
+    }
+
+    /// Identity of the data in 64 hex digits: SHA-256 over the ground truth's bytes (corners and, when there is one,
+    /// grid), the image size, and for each frame its name, file size and corners. The place on disk does not count.
+    pub fn fingerprint(&self) -> String {
+        hex(&self.hasher().finalize())
+    }
+
+    /// [`fingerprint`](Self::fingerprint) that also covers the decoded pixels of every frame. Decodes the sequence.
+    pub fn fingerprint_of_pixels(&self) -> Result<String, DatasetError> {
+        let mut hasher = self.hasher();
+        for i in 0..self.len {
+            let decoded = read_frame(&self.whole.frames[self.index(i)].1, true)?;
+            hasher.update(decoded.gray());
+            hasher.update(decoded.rgb().unwrap_or_default());
+        }
+        Ok(hex(&hasher.finalize()))
+    }
+
+    fn hasher(&self) -> Sha256 {
+        let whole = &*self.whole;
+        let sizes = whole
+            .sizes
+            .get_or_init(|| whole.frames.iter().map(|(_, file)| file.size()).collect());
+        let mut hasher = Sha256::new();
+        let mut put = |bytes: &[u8]| {
+            // The length goes first, so that no two lists of fields run together.
+            hasher.update((bytes.len() as u64).to_le_bytes());
+            hasher.update(bytes);
+        };
+        put(b"sequence 1");
+        put(&whole.truth_digest);
+        put(&self.file(GRID_FILE).ok().flatten().unwrap_or_default());
+        put(&[whole.width as u64, whole.height as u64, self.len as u64]
+            .map(u64::to_le_bytes)
+            .concat());
+        for i in 0..self.len {
+            put(self.frame_name(i).as_bytes());
+            put(&sizes[self.index(i)].unwrap_or(u64::MAX).to_le_bytes());
+            let corners = self.truth(i).map(Corners::to_array);
+            put(&corners
+                .map(|c| c.map(f64::to_le_bytes).concat())
+                .unwrap_or_default());
+        }
+        hasher
+    }
+}
+
+/// Reads and decodes a file.
+pub(super) fn read_frame(file: &File, colour: bool) -> Result<Decoded, DatasetError> {
+    decode(&file.read()?, colour).map_err(|e| DatasetError::new(file.path(), e.into()))
+}
+
+/// A frame must have the size of the first.
+pub(super) fn check_size(
+    file: &File,
+    size: (usize, usize),
+    first: (usize, usize),
+) -> Result<(), DatasetError> {
+    let (width, height) = size;
+    if size == first {
+        return Ok(());
+    }
+    let kind = DatasetErrorKind::SizeMismatch {
+        width,
+        height,
+        first_width: first.0,
+        first_height: first.1,
+    };
+    Err(DatasetError::new(file.path(), kind))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}

@@ -1,0 +1,229 @@
+//! Normal equations: `J'J` and `J'r` over struct-of-arrays Jacobians.
+
+use super::{Lanes, WIDTH, dispatch};
+use crate::geom::solve::SymMatrix;
+
+/// N x S matrix of `f32` in column-major order (struct of arrays): a row per patch value, a column per parameter.
+#[derive(Clone, Debug, Default)]
+pub struct Jacobian {
+    rows: usize,
+    cols: usize,
+    stride: usize,
+    data: Vec<f32>,
+}
+
+impl Jacobian {
+    /// Zero matrix.
+    pub fn new(rows: usize, cols: usize) -> Self {
+        let mut j = Jacobian::default();
+        j.resize(rows, cols);
+        j
+    }
+    /// Changes the shape; contents are unspecified afterwards. Allocates only when it grows.
+    pub fn resize(&mut self, rows: usize, cols: usize) {
+        self.rows = rows;
+        self.cols = cols;
+        self.stride = rows.next_multiple_of(WIDTH);
+        self.data.resize(self.stride * cols, 0.0);
+    }
+    /// Number of values N.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+    /// Number of parameters S.
+    pub fn cols(&self) -> usize {
+        self.cols
+    }
+    /// Column of parameter `k`, length N.
+    pub fn col(&self, k: usize) -> &[f32] {
+        &self.data[k * self.stride..][..self.rows]
+    }
+    /// Column of parameter `k`, mutable.
+    pub fn col_mut(&mut self, k: usize) -> &mut [f32] {
+        &mut self.data[k * self.stride..][..self.rows]
+    }
+    /// All columns, `stride` apart.
+    pub(super) fn data_mut(&mut self) -> (&mut [f32], usize) {
+        (&mut self.data, self.stride)
+    }
+    /// Bytes of storage.
+    pub fn memory(&self) -> usize {
+        self.data.capacity() * size_of::<f32>()
+    }
+    /// `self = (self + other) / 2`.
+    pub fn average_with(&mut self, other: &Jacobian) {
+        debug_assert_eq!((self.rows, self.cols), (other.rows, other.cols));
+        for (a, b) in self.data.iter_mut().zip(&other.data) {
+            *a = 0.5 * (*a + b);
+        }
+    }
+}
+
+dispatch! {
+    /// `out_k = Σ_i r_i J_ik` for each of the S columns.
+    pub fn project(j: &Jacobian, r: &[f32], out: &mut [f64]) = project_lanes;
+    /// `h = J'J` and `out[m * S + k] = Σ_i rhs[m]_i J_ik`, all in one sweep over blocks that stay in the first-level cache.
+    pub fn normal_equations(j: &Jacobian, rhs: &[&[f32]], h: &mut SymMatrix, out: &mut [f64]) = normal_lanes;
+}
+
+/// Columns handled together when projecting.
+const GROUP: usize = 8;
+
+#[inline(always)]
+fn project_lanes<V: Lanes>(j: &Jacobian, r: &[f32], out: &mut [f64]) {
+    let n = j.rows;
+    let r = &r[..n];
+    let mut first = 0;
+    while first < j.cols {
+        let count = GROUP.min(j.cols - first);
+        let cols: [&[f32]; GROUP] = std::array::from_fn(|k| j.col(first + k.min(count - 1)));
+        let mut acc = [V::splat(0.0); GROUP];
+        let mut i = 0;
+        while i + WIDTH <= n {
+            let v = V::load(&r[i..i + WIDTH]);
+            for k in 0..GROUP {
+                acc[k] = V::load(&cols[k][i..i + WIDTH]).mul_add(v, acc[k]);
+            }
+            i += WIDTH;
+        }
+        if i < n {
+            let v = V::load_partial(&r[i..]);
+            for k in 0..GROUP {
+                acc[k] = V::load_partial(&cols[k][i..]).mul_add(v, acc[k]);
+            }
+        }
+        for k in 0..count {
+            out[first + k] = acc[k].sum();
+        }
+        first += GROUP;
+    }
+}
+
+/// Side of the register tile: 9 accumulators and 6 operands fit the 16 vector registers.
+const TILE: usize = 3;
+/// Tiles whose accumulators are kept across blocks.
+const BATCH: usize = 12;
+/// Points per block: 12 columns of 256 points are 12 KiB.
+const BLOCK: usize = 256;
+
+#[inline(always)]
+fn normal_lanes<V: Lanes>(j: &Jacobian, rhs: &[&[f32]], h: &mut SymMatrix, out: &mut [f64]) {
+    let (n, s) = (j.rows, j.cols);
+    let total = s + rhs.len();
+    let column = |k: usize| -> &[f32] {
+        let k = k.min(total - 1);
+        if k < s { j.col(k) } else { &rhs[k - s][..n] }
+    };
+    let side = total.div_ceil(TILE);
+    // Upper triangle of tiles whose rows hold at least one parameter.
+    let tiles = || (0..s.div_ceil(TILE)).flat_map(move |a| (a..side).map(move |b| (a, b)));
+    let count = tiles().count();
+    let mut done = 0;
+    while done < count {
+        let mut acc = [[[V::splat(0.0); TILE]; TILE]; BATCH];
+        let mut start = 0;
+        while start < n {
+            let end = (start + BLOCK).min(n);
+            for ((a, b), acc) in tiles().skip(done).zip(acc.iter_mut()) {
+                let rows: [&[f32]; TILE] = std::array::from_fn(|k| &column(TILE * a + k)[start..end]);
+                let cols: [&[f32]; TILE] = std::array::from_fn(|k| &column(TILE * b + k)[start..end]);
+                *acc = tile(rows, cols, *acc);
+            }
+            start = end;
+        }
+        for ((a, b), acc) in tiles().skip(done).zip(&acc) {
+            for (p, row) in acc.iter().enumerate() {
+                for (q, v) in row.iter().enumerate() {
+                    let (r, c) = (TILE * a + p, TILE * b + q);
+                    if r < s && r <= c && c < s {
+                        h.set(r, c, v.sum());
+                    } else if r < s && c >= s && c < total {
+                        out[(c - s) * s + r] = v.sum();
+                    }
+                }
+            }
+        }
+        done += BATCH;
+    }
+}
+
+#[inline(always)]
+fn tile<V: Lanes>(
+    rows: [&[f32]; TILE],
+    cols: [&[f32]; TILE],
+    mut acc: [[V; TILE]; TILE],
+) -> [[V; TILE]; TILE] {
+    let n = rows[0].len();
+    let (rows, cols) = (rows.map(|r| &r[..n]), cols.map(|c| &c[..n]));
+    let mut i = 0;
+    while i + WIDTH <= n {
+        let a = rows.map(|r| V::load(&r[i..i + WIDTH]));
+        let b = cols.map(|c| V::load(&c[i..i + WIDTH]));
+        for p in 0..TILE {
+            for q in 0..TILE {
+                acc[p][q] = a[p].mul_add(b[q], acc[p][q]);
+            }
+        }
+        i += WIDTH;
+    }
+    if i < n {
+        let a = rows.map(|r| V::load_partial(&r[i..]));
+        let b = cols.map(|c| V::load_partial(&c[i..]));
+        for p in 0..TILE {
+            for q in 0..TILE {
+                acc[p][q] = a[p].mul_add(b[q], acc[p][q]);
+            }
+        }
+    }
+    acc
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::Portable;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn agree_with_f64_and_between_instruction_sets(
+            n in 1usize..700, s in 1usize..20, m in 0usize..4, seed in 0u32..1000,
+        ) {
+            let value = |i: usize, k: usize| {
+                let v = (i as u32).wrapping_mul(2654435761).wrapping_add((k as u32 + seed).wrapping_mul(40503)) >> 8;
+                (v % 2001) as f32 / 1000.0 - 1.0
+            };
+            let mut j = Jacobian::new(n, s);
+            for k in 0..s {
+                for (i, v) in j.col_mut(k).iter_mut().enumerate() {
+                    *v = value(i, k);
+                }
+            }
+            let rhs: Vec<Vec<f32>> = (0..m).map(|k| (0..n).map(|i| value(i, 100 + k)).collect()).collect();
+            let rhs: Vec<&[f32]> = rhs.iter().map(|r| &r[..]).collect();
+            let (mut h, mut out) = (SymMatrix::new(s), vec![0.0; m * s]);
+            normal_equations(&j, &rhs, &mut h, &mut out);
+            let exact = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(&x, &y)| f64::from(x) * f64::from(y)).sum::<f64>();
+            for a in 0..s {
+                for b in 0..s {
+                    prop_assert!((h.get(a, b) - exact(j.col(a), j.col(b))).abs() < 1e-6 * n as f64);
+                }
+                for (k, r) in rhs.iter().enumerate() {
+                    prop_assert!((out[k * s + a] - exact(j.col(a), r)).abs() < 1e-6 * n as f64);
+                }
+            }
+            let (mut hp, mut outp) = (SymMatrix::new(s), vec![0.0; m * s]);
+            normal_lanes::<Portable>(&j, &rhs, &mut hp, &mut outp);
+            prop_assert_eq!((&h, &out), (&hp, &outp));
+            if let Some(r) = rhs.first() {
+                let (mut a, mut b) = (vec![0.0; s], vec![0.0; s]);
+                project(&j, r, &mut a);
+                project_lanes::<Portable>(&j, r, &mut b);
+                prop_assert_eq!(&a, &b);
+                for k in 0..s {
+                    prop_assert!((a[k] - exact(j.col(k), r)).abs() < 1e-6 * n as f64);
+                }
+            }
+        }
+    }
+}

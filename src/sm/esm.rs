@@ -1,0 +1,116 @@
+//! ESM, efficient second-order minimisation (Benhimane & Malis 2007): uses the Jacobians of both patches, `J` of the
+//! current one (compositional) and `J0` of the template; `p <- p ∘ Δ`.
+//!
+//! `jac=diff`: gradient `½ (f_t J - f_0 J0)`; `jac=original`: `f_t (J0 + J)/2`. They coincide for SSD. The halves go
+//! with Hessians of one patch, see [`Hessian`].
+
+use super::fclk::initial_self;
+use super::gradient::{Hessian, Kit, LkMethod};
+use crate::am::{AppearanceModel, Normal, Side};
+use crate::geom::solve::SymMatrix;
+use crate::kernels::Jacobian;
+use crate::params::param_enum;
+use crate::ssm::{Increment, JacobianKind, StateSpaceModel};
+
+param_enum! {
+    /// How ESM forms its gradient.
+    pub enum EsmJacobian {
+        /// Half the difference of the two sides' gradients.
+        Diff = "diff",
+        /// Current gradient with the mean Jacobian.
+        Original = "original",
+    }
+}
+
+crate::params! {
+    /// Parameters of ESM alone.
+    pub struct EsmParams {
+        /// Gradient: diff (difference of Jacobians) or original (mean Jacobian).
+        jac: EsmJacobian = EsmJacobian::Diff;
+    }
+}
+
+/// Efficient second-order minimisation.
+pub struct EsmMethod {
+    params: EsmParams,
+    j0: Jacobian,
+    initial: SymMatrix,
+    other: Normal,
+}
+
+impl LkMethod for EsmMethod {
+    type Extra = EsmParams;
+    const NAME: &'static str = "esm";
+    const ALIASES: &'static [&'static str] = &[];
+    const SUMMARY: &'static str = "efficient second-order minimisation";
+    const HESSIANS: &'static [Hessian] = &[
+        Hessian::SumOfSelf,
+        Hessian::InitialSelf,
+        Hessian::CurrentSelf,
+        Hessian::Original,
+        Hessian::SumOfStd,
+        Hessian::Std,
+    ];
+    const INCREMENT: Increment = Increment::Compositional;
+
+    fn new(params: EsmParams) -> Self {
+        EsmMethod {
+            params,
+            j0: Jacobian::default(),
+            initial: SymMatrix::new(0),
+            other: Normal::new(0),
+        }
+    }
+    fn reads_gradient(_: Hessian) -> bool {
+        true
+    }
+    fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
+        (self.j0, self.initial) = initial_self(kit, JacobianKind::Template);
+        self.other = Normal::new(kit.ssm.dof());
+    }
+    fn linearise<A: AppearanceModel, S: StateSpaceModel>(
+        &mut self,
+        kit: &mut Kit<'_, A, S>,
+        out: &mut Normal,
+    ) {
+        let warped = JacobianKind::Warped;
+        kit.compute_jacobian(warped);
+        match kit.hess {
+            Hessian::InitialSelf => {
+                kit.gradient(Side::Current, &mut out.gradient);
+                out.hessian.copy_from(&self.initial);
+            }
+            Hessian::Original => kit.gradient(Side::Current, &mut out.gradient),
+            _ => kit.linearise(Side::Current, warped, out),
+        }
+        // The template's share of the Hessian.
+        match kit.hess {
+            Hessian::SumOfSelf => out.hessian.blend(0.5, 0.5, &self.initial),
+            Hessian::SumOfStd => {
+                kit.linearise_with(Side::Template, JacobianKind::Template, &self.j0, &mut self.other);
+                out.hessian.blend(0.5, 0.5, &self.other.hessian);
+            }
+            _ => {}
+        }
+        if self.params.jac == EsmJacobian::Diff {
+            kit.gradient_with(Side::Template, &self.j0, &mut self.other.gradient);
+            for (g, g0) in out.gradient.iter_mut().zip(&self.other.gradient) {
+                *g = 0.5 * (*g - g0);
+            }
+        }
+        if self.params.jac == EsmJacobian::Original || kit.hess == Hessian::Original {
+            kit.jacobian().average_with(&self.j0);
+            if self.params.jac == EsmJacobian::Original {
+                kit.gradient(Side::Current, &mut out.gradient);
+            }
+            if kit.hess == Hessian::Original {
+                kit.hessian(Side::Current, &mut out.hessian);
+                kit.add_second_order(Side::Current, warped, 0.5, &mut out.hessian);
+                kit.add_second_order(Side::Current, JacobianKind::Template, 0.5, &mut out.hessian);
+            }
+        }
+    }
+    fn memory(&self) -> usize {
+        self.j0.memory()
+    }
+}

@@ -1,0 +1,46 @@
+//! FALK, forward additive Lucas-Kanade (Lucas & Kanade 1981): `J = ∇I_t w_p(p)`, gradient `f_t J`, `p <- p + Δ`.
+
+use super::fclk::{forward, initial_self};
+use super::gradient::{Hessian, Kit, LkMethod};
+use crate::am::{AppearanceModel, Normal};
+use crate::geom::solve::SymMatrix;
+use crate::params::NoParams;
+use crate::ssm::{Increment, JacobianKind, StateSpaceModel};
+
+/// Forward additive method.
+pub struct FalkMethod {
+    initial: SymMatrix,
+}
+
+impl LkMethod for FalkMethod {
+    type Extra = NoParams;
+    const NAME: &'static str = "falk";
+    const ALIASES: &'static [&'static str] = &["fa"];
+    const SUMMARY: &'static str = "forward additive Lucas-Kanade";
+    const HESSIANS: &'static [Hessian] = &[Hessian::CurrentSelf, Hessian::InitialSelf, Hessian::Std];
+    const INCREMENT: Increment = Increment::Additive;
+
+    fn new(_: NoParams) -> Self {
+        FalkMethod {
+            initial: SymMatrix::new(0),
+        }
+    }
+    fn reads_gradient(_: Hessian) -> bool {
+        true
+    }
+    fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
+        if kit.hess == Hessian::InitialSelf {
+            self.initial = initial_self(kit, JacobianKind::Template).1;
+        }
+    }
+    fn linearise<A: AppearanceModel, S: StateSpaceModel>(
+        &mut self,
+        kit: &mut Kit<'_, A, S>,
+        out: &mut Normal,
+    ) {
+        forward(kit, JacobianKind::Additive, &self.initial, out);
+    }
+    fn memory(&self) -> usize {
+        0
+    }
+}

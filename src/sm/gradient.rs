@@ -1,0 +1,575 @@
+//! The frame that all Lucas-Kanade methods share: template, iterations, Levenberg-Marquardt, convergence, failure.
+//!
+//! A method ([`LkMethod`]) says where its Jacobian and Hessian come from and how the step is applied; `f` is maximised,
+//! so every step is `Δ = -H⁻¹ Jᵀ` with a negative definite `H` (Baker & Matthews 2004; paper, sections 2.3 and 4).
+
+use super::SmEntry;
+use super::sampling::SamplingParams;
+use super::workspace::{Buffers, Workspace};
+use crate::am::{AppearanceModel, Normal, Side};
+use crate::geom::solve::{SymMatrix, solve_negative};
+use crate::geom::{Corners, Mat3, homography};
+use crate::image::{Frame, Image};
+use crate::kernels::Jacobian;
+use crate::params::{Assignment, Built, ParamError, ParamValue, Params, param_enum};
+use crate::ssm::{Gradient, ImageHessian, Increment, JacobianKind, Points, StateSpaceModel};
+use crate::tracker::{Stop, TrackError, Tracker, Update};
+use nalgebra::{Matrix2, Vector2};
+
+param_enum! {
+    /// Where the Hessian comes from. `J0`, `J`: Jacobian of the template, of the current patch.
+    pub enum Hessian {
+        /// The method's own default.
+        Auto = "auto",
+        /// Self Hessian of the template with `J0`, computed once.
+        InitialSelf = "initial_self",
+        /// Self Hessian of the current patch with `J`.
+        CurrentSelf = "current_self",
+        /// Hessian of the similarity as it stands.
+        Std = "std",
+        /// ESM: mean of the two self Hessians.
+        SumOfSelf = "sum_of_self",
+        /// ESM: Hessian of the current side with the mean Jacobian.
+        Original = "original",
+        /// ESM: mean of the Hessians of both sides.
+        SumOfStd = "sum_of_std",
+    }
+}
+
+crate::params! {
+    /// Parameters of all gradient search methods.
+    pub struct LkParams {
+        /// Most iterations per frame.
+        max_iters: usize = 30, in 1..=100_000;
+        /// Converged when the corners' squared motion, summed over all eight coordinates, falls below this; px².
+        epsilon: f64 = 1e-4, in 0.0..=1e6;
+        /// Hessian: auto (the method's own default), initial_self, current_self, std; ESM also sum_of_self, original, sum_of_std.
+        hess: Hessian = Hessian::Auto;
+        /// Second-order terms in std Hessians.
+        second_order: bool = false;
+        /// Levenberg-Marquardt damping, steps accepted by the similarity.
+        leven_marq: bool = false;
+        /// Levenberg-Marquardt: initial damping.
+        lm_init: f64 = 0.01, in 1e-10..=1e10;
+        /// Levenberg-Marquardt: factor of the damping.
+        lm_factor: f64 = 10.0, in 1.01..=1e6;
+    }
+}
+
+/// Template gradient (and Hessian) in the base frame, channel-planar.
+#[derive(Clone, Debug, Default)]
+struct Template {
+    gx: Vec<f32>,
+    gy: Vec<f32>,
+    /// Empty unless second-order terms are wanted.
+    hessian: [Vec<f32>; 3],
+}
+
+/// What a method works with during one iteration.
+pub struct Kit<'a, A, S> {
+    /// Appearance model, its current patch set.
+    pub am: &'a mut A,
+    /// Warp.
+    pub ssm: &'a mut S,
+    /// Chosen Hessian, never `Auto`.
+    pub hess: Hessian,
+    image: &'a Image,
+    sampling: &'a SamplingParams,
+    second_order: bool,
+    template: &'a Template,
+    buffers: &'a mut Buffers,
+}
+
+impl<A: AppearanceModel, S: StateSpaceModel> Kit<'_, A, S> {
+    fn gradients<'g>(gx: &'g [f32], gy: &'g [f32], c: usize, n: usize) -> Gradient<'g> {
+        Gradient {
+            x: &gx[c * n..(c + 1) * n],
+            y: &gy[c * n..(c + 1) * n],
+        }
+    }
+
+    /// Writes a Jacobian made of template gradients.
+    pub fn template_jacobian(&self, kind: JacobianKind, j: &mut Jacobian) {
+        let b = &*self.buffers;
+        let n = b.x.len();
+        j.resize(n * self.sampling.channels.count(), self.ssm.dof());
+        for c in 0..self.sampling.channels.count() {
+            let g = Self::gradients(&self.template.gx, &self.template.gy, c, n);
+            self.ssm
+                .jacobian_into(kind, g, Points { x: &b.x, y: &b.y }, c * n, j);
+        }
+    }
+
+    /// Computes the Jacobian of the current image gradients (or of the template's, for kinds made of those).
+    pub fn compute_jacobian(&mut self, kind: JacobianKind) {
+        let mut j = std::mem::take(&mut self.buffers.j);
+        if kind.of_template() {
+            self.template_jacobian(kind, &mut j);
+        } else {
+            let b = &*self.buffers;
+            let n = b.x.len();
+            for c in 0..self.sampling.channels.count() {
+                let g = Self::gradients(&b.gx, &b.gy, c, n);
+                self.ssm
+                    .jacobian_into(kind, g, Points { x: &b.x, y: &b.y }, c * n, &mut j);
+            }
+        }
+        self.buffers.j = j;
+    }
+
+    /// `out = f_side J` with the computed Jacobian and the chosen first-order Hessian of that side, plus its
+    /// second-order terms if wanted (`kind` is that of the Jacobian).
+    pub fn linearise(&mut self, side: Side, kind: JacobianKind, out: &mut Normal) {
+        let curvature = self.curvature();
+        let b = &mut *self.buffers;
+        self.am.linearise(side, curvature, &b.j, &mut b.scratch, out);
+        self.add_second_order(side, kind, 1.0, &mut out.hessian);
+    }
+
+    fn curvature(&self) -> crate::am::Curvature {
+        match self.hess {
+            Hessian::Std | Hessian::SumOfStd | Hessian::Original => crate::am::Curvature::Standard,
+            _ => crate::am::Curvature::SelfHessian,
+        }
+    }
+
+    /// `out = f_side J` alone, with the computed Jacobian.
+    pub fn gradient(&mut self, side: Side, out: &mut [f64]) {
+        let b = &mut *self.buffers;
+        self.am.gradient_into(side, &mut b.scratch);
+        crate::kernels::project(&b.j, &b.scratch, out);
+    }
+
+    /// `out = f_side J` with a Jacobian of the caller's.
+    pub fn gradient_with(&mut self, side: Side, j: &Jacobian, out: &mut [f64]) {
+        self.am.gradient_into(side, &mut self.buffers.scratch);
+        crate::kernels::project(j, &self.buffers.scratch, out);
+    }
+
+    /// Same as [`linearise`](Self::linearise) with a Jacobian of the caller's.
+    pub fn linearise_with(&mut self, side: Side, kind: JacobianKind, j: &Jacobian, out: &mut Normal) {
+        let curvature = self.curvature();
+        self.am
+            .linearise(side, curvature, j, &mut self.buffers.scratch, out);
+        self.add_second_order(side, kind, 1.0, &mut out.hessian);
+    }
+
+    /// First-order standard Hessian of a side with the computed Jacobian.
+    pub fn hessian(&mut self, side: Side, h: &mut SymMatrix) {
+        self.am.hessian_into(side, &self.buffers.j, h);
+    }
+
+    /// The computed Jacobian.
+    pub fn jacobian(&mut self) -> &mut Jacobian {
+        &mut self.buffers.j
+    }
+
+    /// Adds `factor Σ_i f_side[i] K_i` to `h` when second-order terms are wanted and the Hessian is a standard one.
+    pub fn add_second_order(&mut self, side: Side, kind: JacobianKind, factor: f32, h: &mut SymMatrix) {
+        if !self.second_order || self.curvature() != crate::am::Curvature::Standard {
+            return;
+        }
+        self.am.gradient_into(side, &mut self.buffers.scratch);
+        self.buffers.scratch.iter_mut().for_each(|w| *w *= factor);
+        if !kind.of_template() {
+            self.sampling.sample_hessian(self.image, self.buffers);
+        }
+        let b = &*self.buffers;
+        let n = b.x.len();
+        for c in 0..self.sampling.channels.count() {
+            let at = c * n..(c + 1) * n;
+            let (gx, gy, hessian) = if kind.of_template() {
+                (&self.template.gx, &self.template.gy, &self.template.hessian)
+            } else {
+                (&b.gx, &b.gy, &b.hessian)
+            };
+            let [xx, xy, yy] = hessian;
+            let q = ImageHessian {
+                xx: &xx[at.clone()],
+                xy: &xy[at.clone()],
+                yy: &yy[at.clone()],
+            };
+            self.ssm
+                .curvature_into(kind, &b.scratch[at], Self::gradients(gx, gy, c, n), q, h);
+        }
+    }
+}
+
+/// One of the Lucas-Kanade family.
+pub trait LkMethod: Send + Sized + 'static {
+    /// Parameters of its own.
+    type Extra: Params;
+    /// Name.
+    const NAME: &'static str;
+    /// Other names.
+    const ALIASES: &'static [&'static str];
+    /// One line for `list sm`.
+    const SUMMARY: &'static str;
+    /// Hessians it allows, its default first.
+    const HESSIANS: &'static [Hessian];
+    /// How its step is applied.
+    const INCREMENT: Increment;
+
+    /// Builds it.
+    fn new(extra: Self::Extra) -> Self;
+    /// Whether iterations read image gradients at the current points.
+    fn reads_gradient(hess: Hessian) -> bool;
+    /// Computes what stays constant while the template and the base frame do.
+    fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>);
+    /// Gradient and Hessian at the current state.
+    fn linearise<A: AppearanceModel, S: StateSpaceModel>(
+        &mut self,
+        kit: &mut Kit<'_, A, S>,
+        out: &mut Normal,
+    );
+    /// Bytes kept between frames.
+    fn memory(&self) -> usize;
+}
+
+/// A Lucas-Kanade tracker: method `M` over appearance model `A` and warp `S`.
+pub struct Lk<M, A, S> {
+    /// Sampling parameters; changes take effect at the next `init`.
+    pub sampling: SamplingParams,
+    /// Search parameters.
+    pub params: LkParams,
+    method: M,
+    am: A,
+    ssm: S,
+    template: Template,
+    normal: Normal,
+    delta: Vec<f64>,
+    accepted: Vec<f64>,
+    started: bool,
+}
+
+/// Largest RMS misfit, px, at which `set_region` keeps the base frame.
+const KEEP_BASE: f64 = 0.5;
+/// Damping bounds.
+const LAMBDA: std::ops::RangeInclusive<f64> = 1e-10..=1e10;
+
+impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
+    /// With default parameters.
+    pub fn new(am: A, ssm: S) -> Self {
+        Self::with_params(
+            SamplingParams::default(),
+            LkParams::default(),
+            M::Extra::default(),
+            am,
+            ssm,
+        )
+    }
+
+    /// With all parameters.
+    pub fn with_params(sampling: SamplingParams, params: LkParams, extra: M::Extra, am: A, ssm: S) -> Self {
+        Lk {
+            sampling,
+            params,
+            method: M::new(extra),
+            am,
+            ssm,
+            template: Template::default(),
+            normal: Normal::new(0),
+            delta: Vec::new(),
+            accepted: Vec::new(),
+            started: false,
+        }
+    }
+
+    /// The appearance model.
+    pub fn am(&self) -> &A {
+        &self.am
+    }
+
+    /// The warp.
+    pub fn ssm(&self) -> &S {
+        &self.ssm
+    }
+
+    fn hess(&self) -> Hessian {
+        if self.params.hess == Hessian::Auto {
+            M::HESSIANS[0]
+        } else {
+            self.params.hess
+        }
+    }
+
+    fn workspace(&self) -> Workspace {
+        Workspace::take(
+            self.sampling.res.len(),
+            self.sampling.channels.count(),
+            self.ssm.dof(),
+        )
+    }
+
+    fn kit<'a>(
+        &'a mut self,
+        image: &'a Image,
+        buffers: &'a mut Buffers,
+    ) -> (&'a mut M, Kit<'a, A, S>, &'a mut Normal) {
+        let hess = self.hess();
+        let kit = Kit {
+            am: &mut self.am,
+            ssm: &mut self.ssm,
+            hess,
+            image,
+            sampling: &self.sampling,
+            second_order: self.params.second_order,
+            template: &self.template,
+            buffers,
+        };
+        (&mut self.method, kit, &mut self.normal)
+    }
+
+    fn refuse_huge(&self, image: &Image) -> Result<(), TrackError> {
+        let limit = 4.0 * (image.width() * image.height()) as f64;
+        if self.ssm.corners().signed_area().abs() > limit {
+            return Err(TrackError::Degenerate("region is more than four times the image"));
+        }
+        Ok(())
+    }
+
+    /// Solves for the step with damping `lambda` and applies it; true when it moved the corners less than epsilon.
+    fn step(&mut self, image: &Image, lambda: f64, work: &mut [f64]) -> Result<bool, TrackError> {
+        if self.normal.gradient.iter().any(|g| !g.is_finite()) {
+            return Err(TrackError::NotFinite("gradient"));
+        }
+        // `Δ = -H⁻¹ Jᵀ`.
+        if !solve_negative(
+            &self.normal.hessian,
+            lambda,
+            &self.normal.gradient,
+            &mut self.delta,
+            work,
+        ) {
+            return Err(TrackError::Singular);
+        }
+        self.delta.iter_mut().for_each(|d| *d = -*d);
+        let before = self.ssm.corners();
+        let state = self
+            .ssm
+            .update(M::INCREMENT, &self.delta)
+            .and_then(|()| self.refuse_huge(image));
+        if let Err(e) = state {
+            self.ssm.set_state(&self.accepted)?;
+            return Err(e);
+        }
+        Ok(self.ssm.corners().distance_squared(&before) < self.params.epsilon)
+    }
+
+    fn search(&mut self, image: &Image, ws: &mut Workspace) -> Result<(Stop, u32), TrackError> {
+        let gradient = M::reads_gradient(self.hess()) || self.params.second_order;
+        let lm = self.params.leven_marq;
+        let mut lambda = if lm { self.params.lm_init } else { 0.0 };
+        let mut best = f64::NEG_INFINITY;
+        let mut stop = Stop::MaxIterations;
+        let mut iterations = 0;
+        while iterations < self.params.max_iters {
+            iterations += 1;
+            self.sample(image, ws, gradient)?;
+            let f = self.am.similarity();
+            if lm && iterations > 1 && (f.is_nan() || f < best) {
+                // Back to the accepted point; its normal equations still stand, only the damping grows.
+                lambda = (lambda * self.params.lm_factor).min(*LAMBDA.end());
+                let accepted = std::mem::take(&mut self.accepted);
+                let restored = self.ssm.set_state(&accepted);
+                self.accepted = accepted;
+                restored?;
+            } else {
+                if lm && iterations > 1 {
+                    lambda = (lambda / self.params.lm_factor).max(*LAMBDA.start());
+                }
+                best = f;
+                self.accepted.copy_from_slice(self.ssm.state());
+                let (method, mut kit, normal) = self.kit(image, ws);
+                method.linearise(&mut kit, normal);
+            }
+            if self.step(image, lambda, &mut ws.work)? {
+                stop = Stop::Converged;
+                break;
+            }
+        }
+        if lm {
+            // The last step has not been judged yet.
+            self.sample(image, ws, false)?;
+            let f = self.am.similarity();
+            if f.is_nan() || f < best {
+                self.ssm.set_state(&self.accepted)?;
+            }
+        }
+        Ok((stop, iterations as u32))
+    }
+
+    fn sample(&mut self, image: &Image, ws: &mut Workspace, gradient: bool) -> Result<(), TrackError> {
+        let b = &mut **ws;
+        self.ssm.warp_into(&mut b.x, &mut b.y);
+        self.sampling.sample(image, b, gradient)?;
+        self.am.set_current(&b.values);
+        Ok(())
+    }
+}
+
+impl Template {
+    /// Carries base-frame derivatives to a new base frame, `from_new` the homography from the new frame to the old one:
+    /// `g' = g W`, `Q' = Wᵀ Q W + Σ_c g_c Ω_c` at each point of the new grid.
+    fn carry(&mut self, from_new: &Mat3, grid: Points<'_>) {
+        let n = grid.x.len();
+        for i in 0..self.gx.len() {
+            let x0 = [f64::from(grid.x[i % n]), f64::from(grid.y[i % n])];
+            let (w, omega) = homography::spatial_derivatives(from_new, x0);
+            let g = Vector2::new(f64::from(self.gx[i]), f64::from(self.gy[i]));
+            let carried = w.transpose() * g;
+            (self.gx[i], self.gy[i]) = (carried[0] as f32, carried[1] as f32);
+            let [xx, xy, yy] = &mut self.hessian;
+            if !xx.is_empty() {
+                let q = Matrix2::new(xx[i], xy[i], xy[i], yy[i]).map(f64::from);
+                let q = w.transpose() * q * w + omega[0] * g[0] + omega[1] * g[1];
+                (xx[i], xy[i], yy[i]) = (q[(0, 0)] as f32, q[(0, 1)] as f32, q[(1, 1)] as f32);
+            }
+        }
+    }
+}
+
+/// Refuses patches on which nothing can be tracked.
+fn check_template(values: &[f32]) -> Result<(), TrackError> {
+    if values.iter().any(|v| !v.is_finite()) {
+        return Err(TrackError::NotFinite("template"));
+    }
+    let (low, high) = values
+        .iter()
+        .fold((f32::MAX, f32::MIN), |(l, h), &v| (l.min(v), h.max(v)));
+    if high - low < 1e-3 {
+        return Err(TrackError::Template("flat patch"));
+    }
+    Ok(())
+}
+
+impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S> {
+    fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        self.started = false;
+        let image = frame.with_channels(self.channels());
+        self.ssm.init(corners, self.sampling.res)?;
+        self.refuse_huge(image)?;
+        let s = self.ssm.dof();
+        self.normal = Normal::new(s);
+        self.delta = vec![0.0; s];
+        self.accepted = self.ssm.state().to_vec();
+        let mut ws = self.workspace();
+        let b = &mut *ws;
+        self.ssm.warp_into(&mut b.x, &mut b.y);
+        self.sampling.sample(image, b, true)?;
+        check_template(&b.values)?;
+        self.am.set_template(self.sampling.shape(), &b.values)?;
+        let r = self.ssm.radius() as f32;
+        let scaled = |values: &[f32], k: f32| values.iter().map(|v| v * k).collect();
+        self.template = Template {
+            gx: scaled(&b.gx, r),
+            gy: scaled(&b.gy, r),
+            ..Template::default()
+        };
+        if self.params.second_order {
+            self.sampling.sample_hessian(image, b);
+            self.template.hessian = std::array::from_fn(|k| scaled(&b.hessian[k], r * r));
+        }
+        let (method, mut kit, _) = self.kit(image, &mut ws);
+        method.prepare(&mut kit);
+        self.started = true;
+        Ok(())
+    }
+
+    fn update(&mut self, frame: &Frame) -> Result<Update, TrackError> {
+        if !self.started {
+            return Err(TrackError::NotInitialised);
+        }
+        let image = frame.with_channels(self.channels());
+        let mut ws = self.workspace();
+        self.accepted.copy_from_slice(self.ssm.state());
+        match self.search(image, &mut ws) {
+            Ok((stop, iterations)) => Ok(Update {
+                corners: self.ssm.corners(),
+                stop,
+                iterations,
+                similarity: self.am.similarity(),
+            }),
+            Err(e) => {
+                // The step that led nowhere is undone; the one before it was sound.
+                self.ssm.set_state(&self.accepted)?;
+                Err(e)
+            }
+        }
+    }
+
+    fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
+        if !self.started {
+            return Err(TrackError::NotInitialised);
+        }
+        if self
+            .ssm
+            .fit_corners(corners)
+            .is_ok_and(|misfit| misfit < KEEP_BASE)
+        {
+            return Ok(());
+        }
+        let from_new = self.ssm.rebase(corners)?;
+        self.template.carry(&from_new, self.ssm.grid());
+        let image = Image::new(1, 1, self.channels());
+        let mut ws = self.workspace();
+        let (method, mut kit, _) = self.kit(&image, &mut ws);
+        method.prepare(&mut kit);
+        Ok(())
+    }
+
+    fn corners(&self) -> Corners {
+        self.ssm.corners()
+    }
+
+    fn channels(&self) -> usize {
+        self.sampling.channels.count()
+    }
+
+    fn memory(&self) -> usize {
+        let n = self.sampling.shape().len();
+        let template = if self.params.second_order { 20 * n } else { 8 * n };
+        template
+            + self.am.memory().max(8 * n)
+            + self.ssm.memory().max(8 * n)
+            + self.method.memory().max(4 * n * 8)
+    }
+}
+
+type AllParams<M> = ((SamplingParams, LkParams), <M as LkMethod>::Extra);
+
+fn parse<M: LkMethod>(assignments: &[Assignment<'_>]) -> Built<AllParams<M>> {
+    let params = AllParams::<M>::from_assignments(assignments)?;
+    let hess = params.0.1.hess;
+    if hess != Hessian::Auto && !M::HESSIANS.contains(&hess) {
+        return Err(ParamError::Value {
+            name: "hess",
+            value: hess.text(),
+            allowed: M::HESSIANS
+                .iter()
+                .map(ParamValue::text)
+                .collect::<Vec<_>>()
+                .join(", "),
+        });
+    }
+    Ok(params)
+}
+
+/// The table row of method `M`.
+pub(super) const fn entry<M: LkMethod>() -> SmEntry {
+    SmEntry {
+        name: M::NAME,
+        aliases: M::ALIASES,
+        groups: &["lk", "gradient"],
+        summary: M::SUMMARY,
+        params: AllParams::<M>::info,
+        refuses: |am| (!am.derivatives).then_some("has no derivatives"),
+        build: |a, am, ssm| {
+            let ((sampling, params), extra) = parse::<M>(a)?;
+            Ok(Box::new(Lk::<M, _, _>::with_params(
+                sampling, params, extra, am, ssm,
+            )))
+        },
+        canonical: |a, name| Ok(parse::<M>(a)?.get(name)),
+    }
+}

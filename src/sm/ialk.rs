@@ -1,0 +1,42 @@
+//! IALK, inverse additive Lucas-Kanade (Hager & Belhumeur 1998): the template's gradient stands in for the image's,
+//! `J = ∇T w_x(p)⁻¹ w_p(p)`, gradient `-f_0 J`, `p <- p + Δ`.
+//!
+//! The gradient is taken on the template side because `J` is made of template gradients; for SSD and ZNCC this is the
+//! same as `f_t J`.
+
+use super::gradient::{Hessian, Kit, LkMethod};
+use crate::am::{AppearanceModel, Normal, Side};
+use crate::params::NoParams;
+use crate::ssm::{Increment, JacobianKind, StateSpaceModel};
+
+/// Inverse additive method.
+pub struct IalkMethod;
+
+impl LkMethod for IalkMethod {
+    type Extra = NoParams;
+    const NAME: &'static str = "ialk";
+    const ALIASES: &'static [&'static str] = &["ia"];
+    const SUMMARY: &'static str = "inverse additive Lucas-Kanade";
+    const HESSIANS: &'static [Hessian] = &[Hessian::InitialSelf, Hessian::Std];
+    const INCREMENT: Increment = Increment::Additive;
+
+    fn new(_: NoParams) -> Self {
+        IalkMethod
+    }
+    fn reads_gradient(_: Hessian) -> bool {
+        false
+    }
+    fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, _: &mut Kit<'_, A, S>) {}
+    fn linearise<A: AppearanceModel, S: StateSpaceModel>(
+        &mut self,
+        kit: &mut Kit<'_, A, S>,
+        out: &mut Normal,
+    ) {
+        kit.compute_jacobian(JacobianKind::Approximate);
+        kit.linearise(Side::Template, JacobianKind::Approximate, out);
+        out.gradient.iter_mut().for_each(|g| *g = -*g);
+    }
+    fn memory(&self) -> usize {
+        0
+    }
+}

@@ -1,0 +1,59 @@
+//! ICLK, inverse compositional Lucas-Kanade (Baker & Matthews 2001): constant Jacobian `J0 = ∇T w_p(0)`, gradient
+//! `f_0 J0`, by default a constant Hessian, `p <- p ∘ Δ⁻¹`.
+
+use super::fclk::initial_self;
+use super::gradient::{Hessian, Kit, LkMethod};
+use crate::am::{AppearanceModel, Normal, Side};
+use crate::geom::solve::SymMatrix;
+use crate::kernels::Jacobian;
+use crate::params::NoParams;
+use crate::ssm::{Increment, JacobianKind, StateSpaceModel};
+
+/// Inverse compositional method.
+pub struct IclkMethod {
+    j0: Jacobian,
+    initial: SymMatrix,
+}
+
+impl LkMethod for IclkMethod {
+    type Extra = NoParams;
+    const NAME: &'static str = "iclk";
+    const ALIASES: &'static [&'static str] = &["ic"];
+    const SUMMARY: &'static str = "inverse compositional Lucas-Kanade, constant Jacobian and Hessian";
+    const HESSIANS: &'static [Hessian] = &[Hessian::InitialSelf, Hessian::CurrentSelf, Hessian::Std];
+    const INCREMENT: Increment = Increment::InverseCompositional;
+
+    fn new(_: NoParams) -> Self {
+        IclkMethod {
+            j0: Jacobian::default(),
+            initial: SymMatrix::new(0),
+        }
+    }
+    fn reads_gradient(hess: Hessian) -> bool {
+        hess == Hessian::CurrentSelf
+    }
+    fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
+        (self.j0, self.initial) = initial_self(kit, JacobianKind::Template);
+    }
+    fn linearise<A: AppearanceModel, S: StateSpaceModel>(
+        &mut self,
+        kit: &mut Kit<'_, A, S>,
+        out: &mut Normal,
+    ) {
+        match kit.hess {
+            Hessian::Std => kit.linearise_with(Side::Template, JacobianKind::Template, &self.j0, out),
+            Hessian::CurrentSelf => {
+                kit.compute_jacobian(JacobianKind::Warped);
+                kit.linearise(Side::Current, JacobianKind::Warped, out);
+                kit.gradient_with(Side::Template, &self.j0, &mut out.gradient);
+            }
+            _ => {
+                kit.gradient_with(Side::Template, &self.j0, &mut out.gradient);
+                out.hessian.copy_from(&self.initial);
+            }
+        }
+    }
+    fn memory(&self) -> usize {
+        self.j0.memory()
+    }
+}

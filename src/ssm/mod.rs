@@ -1,0 +1,284 @@
+//! State space models: which warps the object may undergo.
+//!
+//! One file per model; [`SSMS`] is the table that the command line, the documentation and the conformance tests read.
+//! May depend on `kernels`, `geom`, `params` and `tracker`, never on appearance models or search methods.
+//!
+//! # Frames
+//!
+//! A model works in its *base frame*: image coordinates moved to the centroid of the initial corners and divided by
+//! their RMS distance `r` from it. The grid `x0` is the regular grid of the unit square mapped to the initial corners by
+//! a homography, so any quadrilateral is represented exactly whatever the model's degrees of freedom;
+//! `image = centre + r * w(x0; p)`, and `p = 0` at initialisation.
+
+mod affine;
+mod homography;
+mod isometry;
+mod projective;
+mod similitude;
+mod translation;
+
+pub use affine::AffineModel;
+pub use homography::HomographyModel;
+pub use isometry::IsometryModel;
+pub use projective::{Projective, ProjectiveModel};
+pub use similitude::SimilitudeModel;
+pub use translation::TranslationModel;
+
+/// Translation, 2 parameters.
+pub type Translation = Projective<TranslationModel>;
+/// Rotation and translation, 3 parameters.
+pub type Isometry = Projective<IsometryModel>;
+/// Rotation, isotropic scale and translation, 4 parameters.
+pub type Similitude = Projective<SimilitudeModel>;
+/// Affine warp, 6 parameters.
+pub type Affine = Projective<AffineModel>;
+/// Homography, 8 parameters.
+pub type Homography = Projective<HomographyModel>;
+
+use crate::geom::solve::SymMatrix;
+use crate::geom::{Corners, Mat3};
+use crate::kernels::Jacobian;
+use crate::params::{Assignment, Built, ParamInfo, Params, Resolution};
+use crate::tracker::TrackError;
+
+/// Every state space model of the crate, in the order of the documentation.
+pub const SSMS: &[SsmEntry] = &[
+    SsmEntry::of::<Translation>(),
+    SsmEntry::of::<Isometry>(),
+    SsmEntry::of::<Similitude>(),
+    SsmEntry::of::<Affine>(),
+    SsmEntry::of::<Homography>(),
+];
+
+/// How an increment `Δ` changes the state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Increment {
+    /// `p <- p + Δ`.
+    Additive,
+    /// `w(x; p) <- w(w(x; Δ); p)`.
+    Compositional,
+    /// `w(x; p) <- w(w(x; Δ)⁻¹; p)`.
+    InverseCompositional,
+}
+
+/// Which product of image gradient and warp Jacobian (paper, table of SSM functions).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JacobianKind {
+    /// `g0 · w_p(x0; 0)`: gradient of the template in the base frame.
+    Template,
+    /// `g · w_x(x0; p) · w_p(x0; 0)`: image gradient at the current points, compositional.
+    Warped,
+    /// `g · w_p(x0; p)`: image gradient at the current points, additive.
+    Additive,
+    /// `g0 · w_x(x0; p)⁻¹ · w_p(x0; p)`: template gradient carried to the current warp (inverse additive).
+    Approximate,
+}
+
+impl JacobianKind {
+    /// True when the gradient is the template's, in the base frame.
+    pub fn of_template(self) -> bool {
+        matches!(self, JacobianKind::Template | JacobianKind::Approximate)
+    }
+}
+
+/// Image gradients at the points of one channel: per pixel at the current points, or the template's in the base frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Gradient<'a> {
+    /// Along x.
+    pub x: &'a [f32],
+    /// Along y.
+    pub y: &'a [f32],
+}
+
+/// Image Hessians at the points of one channel, in the same coordinates as the [`Gradient`].
+#[derive(Clone, Copy, Debug)]
+pub struct ImageHessian<'a> {
+    /// `∂²I/∂x²`.
+    pub xx: &'a [f32],
+    /// `∂²I/∂x∂y`.
+    pub xy: &'a [f32],
+    /// `∂²I/∂y²`.
+    pub yy: &'a [f32],
+}
+
+/// Points in image pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct Points<'a> {
+    /// x.
+    pub x: &'a [f32],
+    /// y.
+    pub y: &'a [f32],
+}
+
+/// A parametric family of warps with its state.
+///
+/// Methods that change the state leave it as it was when they fail. None but `init` and `rebase` allocates.
+pub trait StateSpaceModel: Send {
+    /// Number of parameters S.
+    fn dof(&self) -> usize;
+
+    /// New base frame and grid for `corners`, `p = 0`. Fails unless they are a convex quadrilateral of at least 1 px².
+    fn init(&mut self, corners: &Corners, res: Resolution) -> Result<(), TrackError>;
+
+    /// State `p`, length S.
+    fn state(&self) -> &[f64];
+
+    /// Sets the state. Fails when the warped region is not a convex quadrilateral in front of the camera.
+    fn set_state(&mut self, p: &[f64]) -> Result<(), TrackError>;
+
+    /// Applies an increment of length S.
+    fn update(&mut self, how: Increment, delta: &[f64]) -> Result<(), TrackError>;
+
+    /// Current corners in image pixels.
+    fn corners(&self) -> Corners;
+
+    /// Sets `p` to the least-squares fit of the base corners to `corners`; returns the RMS residual in pixels.
+    fn fit_corners(&mut self, corners: &Corners) -> Result<f64, TrackError>;
+
+    /// Makes `corners` the base (`p = 0`) while the template stays what it was; returns the homography from the new
+    /// base frame to the old one, with which base-frame template gradients are carried over.
+    fn rebase(&mut self, corners: &Corners) -> Result<Mat3, TrackError>;
+
+    /// Grid points in the base frame.
+    fn grid(&self) -> Points<'_>;
+
+    /// Current place of grid point `i` in image pixels, in `f64`: the slow reference of [`warp_into`](Self::warp_into).
+    fn point(&self, i: usize) -> [f64; 2];
+
+    /// Writes the current points in image pixels.
+    fn warp_into(&self, x: &mut [f32], y: &mut [f32]);
+
+    /// Writes rows `row..row + points` of `J = dI/dp` (row-contiguous per channel, a column per parameter).
+    /// `points` are the current points.
+    fn jacobian_into(
+        &self,
+        kind: JacobianKind,
+        gradient: Gradient<'_>,
+        points: Points<'_>,
+        row: usize,
+        j: &mut Jacobian,
+    );
+
+    /// Adds `Σ_i weights_i K_i` to `h`, `K_i = d²I_i/dp²` of the given kind: the second-order part of a Hessian.
+    fn curvature_into(
+        &self,
+        kind: JacobianKind,
+        weights: &[f32],
+        gradient: Gradient<'_>,
+        hessian: ImageHessian<'_>,
+        h: &mut SymMatrix,
+    );
+
+    /// Factor from pixels to the base frame for image gradients: `∂I/∂(frame) = r ∂I/∂(pixel)`.
+    fn radius(&self) -> f64;
+
+    /// Bytes kept between frames.
+    fn memory(&self) -> usize;
+}
+
+impl<T: StateSpaceModel + ?Sized> StateSpaceModel for Box<T> {
+    fn dof(&self) -> usize {
+        (**self).dof()
+    }
+    fn init(&mut self, corners: &Corners, res: Resolution) -> Result<(), TrackError> {
+        (**self).init(corners, res)
+    }
+    fn state(&self) -> &[f64] {
+        (**self).state()
+    }
+    fn set_state(&mut self, p: &[f64]) -> Result<(), TrackError> {
+        (**self).set_state(p)
+    }
+    fn update(&mut self, how: Increment, delta: &[f64]) -> Result<(), TrackError> {
+        (**self).update(how, delta)
+    }
+    fn corners(&self) -> Corners {
+        (**self).corners()
+    }
+    fn fit_corners(&mut self, corners: &Corners) -> Result<f64, TrackError> {
+        (**self).fit_corners(corners)
+    }
+    fn rebase(&mut self, corners: &Corners) -> Result<Mat3, TrackError> {
+        (**self).rebase(corners)
+    }
+    fn grid(&self) -> Points<'_> {
+        (**self).grid()
+    }
+    fn point(&self, i: usize) -> [f64; 2] {
+        (**self).point(i)
+    }
+    fn warp_into(&self, x: &mut [f32], y: &mut [f32]) {
+        (**self).warp_into(x, y)
+    }
+    fn jacobian_into(
+        &self,
+        kind: JacobianKind,
+        gradient: Gradient<'_>,
+        points: Points<'_>,
+        row: usize,
+        j: &mut Jacobian,
+    ) {
+        (**self).jacobian_into(kind, gradient, points, row, j)
+    }
+    fn curvature_into(
+        &self,
+        kind: JacobianKind,
+        weights: &[f32],
+        gradient: Gradient<'_>,
+        hessian: ImageHessian<'_>,
+        h: &mut SymMatrix,
+    ) {
+        (**self).curvature_into(kind, weights, gradient, hessian, h)
+    }
+    fn radius(&self) -> f64 {
+        (**self).radius()
+    }
+    fn memory(&self) -> usize {
+        (**self).memory()
+    }
+}
+
+/// A model that can be listed and built by name.
+pub trait SsmModel: StateSpaceModel + Sized + 'static {
+    /// Its parameters.
+    type Params: Params;
+    /// Name, lower case, as in the literature.
+    const NAME: &'static str;
+    /// Other names users may type.
+    const ALIASES: &'static [&'static str];
+    /// One line for `list ssm`.
+    const SUMMARY: &'static str;
+    /// Builds it.
+    fn new(params: Self::Params) -> Self;
+}
+
+/// A row of the table of state space models.
+#[derive(Clone)]
+pub struct SsmEntry {
+    /// Name.
+    pub name: &'static str,
+    /// Other names.
+    pub aliases: &'static [&'static str],
+    /// One-line description.
+    pub summary: &'static str,
+    /// Parameters.
+    pub params: fn() -> Vec<ParamInfo>,
+    /// Builds the model from `(name, value)` assignments.
+    pub build: fn(&[Assignment<'_>]) -> Built<Box<dyn StateSpaceModel>>,
+    /// Canonical text of a parameter after the assignments.
+    pub canonical: fn(&[Assignment<'_>], &str) -> Built<Option<String>>,
+}
+
+impl SsmEntry {
+    /// The entry of model `M`.
+    pub const fn of<M: SsmModel>() -> Self {
+        SsmEntry {
+            name: M::NAME,
+            aliases: M::ALIASES,
+            summary: M::SUMMARY,
+            params: <M::Params as Params>::info,
+            build: |a| Ok(Box::new(M::new(M::Params::from_assignments(a)?))),
+            canonical: |a, name| Ok(M::Params::from_assignments(a)?.get(name)),
+        }
+    }
+}

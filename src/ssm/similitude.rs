@@ -1,0 +1,48 @@
+//! Similitude: `p = (tx, ty, a, b)`, `M = [1+a -b tx; b 1+a ty; 0 0 1]`.
+
+use super::projective::{Centred, ProjectiveModel};
+use crate::geom::Mat3;
+use crate::params::NoParams;
+use nalgebra::Matrix2;
+
+/// Algebra of [`super::Similitude`].
+#[derive(Clone, Debug, Default)]
+pub struct SimilitudeModel;
+
+impl ProjectiveModel for SimilitudeModel {
+    type Params = NoParams;
+    const NAME: &'static str = "similitude";
+    const ALIASES: &'static [&'static str] = &["sim", "similarity", "4"];
+    const SUMMARY: &'static str = "rotation, isotropic scale and translation: tx, ty, a, b";
+    const DOF: usize = 4;
+    const MIN_POINTS: usize = 2;
+
+    fn new(_: NoParams) -> Self {
+        SimilitudeModel
+    }
+    fn matrix(&self, p: &[f64]) -> Mat3 {
+        Mat3::new(1.0 + p[2], -p[3], p[0], p[3], 1.0 + p[2], p[1], 0.0, 0.0, 1.0)
+    }
+    fn state(&self, m: &Mat3, p: &mut [f64]) -> Option<()> {
+        p.copy_from_slice(&[m[(0, 2)], m[(1, 2)], m[(0, 0)] - 1.0, m[(1, 0)]]);
+        Some(())
+    }
+    fn derivative(&self, _: &[f64], k: usize) -> Mat3 {
+        match k {
+            2 => Mat3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0),
+            3 => Mat3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+            _ => {
+                let mut d = Mat3::zeros();
+                d[(k, 2)] = 1.0;
+                d
+            }
+        }
+    }
+    fn fit(&self, from: &[[f64; 2]], to: &[[f64; 2]], p: &mut [f64]) -> Option<()> {
+        let centred = Centred::new(from, to)?;
+        let (c, b) = centred.similarity()?;
+        let [tx, ty] = centred.translation(&Matrix2::new(c, -b, b, c));
+        p.copy_from_slice(&[tx, ty, c - 1.0, b]);
+        Some(())
+    }
+}

@@ -1,0 +1,173 @@
+//! What every appearance model must satisfy; loops over the table, so a new model is tested by being listed.
+
+mod common;
+
+use mtf_eval::am::{AMS, AppearanceModel, PatchShape, Side};
+use mtf_eval::diagnose::{self, PatchPair, Waves};
+use mtf_eval::params::Resolution;
+use rand::RngExt;
+
+const SHAPE: Resolution = Resolution { cols: 13, rows: 11 };
+
+struct Case {
+    name: &'static str,
+    am: Box<dyn AppearanceModel>,
+    pair: PatchPair,
+}
+
+/// Two patches of the same scene, a few pixels and a little gain apart.
+fn pair(channels: usize, seed: u64) -> PatchPair {
+    let shape = PatchShape { res: SHAPE, channels };
+    let waves = Waves::new(seed);
+    let patch = |dx: f64, gain: f64| -> Vec<f32> {
+        let value = |i: usize| {
+            let (c, p) = (i / SHAPE.len(), i % SHAPE.len());
+            let (x, y) = (
+                (p % SHAPE.cols) as f64 * 4.0 + dx + 90.0 * c as f64,
+                (p / SHAPE.cols) as f64 * 4.0,
+            );
+            (gain * (waves.at([x, y]) - 128.0) + 120.0) as f32
+        };
+        (0..shape.len()).map(value).collect()
+    };
+    PatchPair {
+        shape,
+        template: patch(0.0, 1.0),
+        current: patch(2.5, 0.9),
+    }
+}
+
+/// Every model, one and three channels, a few seeds.
+fn cases() -> Vec<Case> {
+    let mut out = Vec::new();
+    for entry in AMS {
+        for channels in [1, 3] {
+            for seed in 10..13 {
+                let pair = pair(channels, seed);
+                let mut am = (entry.build)(&[]).unwrap();
+                am.set_template(pair.shape, &pair.template).unwrap();
+                am.set_current(&pair.current);
+                out.push(Case {
+                    name: entry.name,
+                    am,
+                    pair,
+                });
+            }
+        }
+    }
+    out
+}
+
+#[test]
+fn derivatives_agree_with_central_differences() {
+    for entry in AMS {
+        for channels in [1, 3] {
+            for seed in 10..13 {
+                let checks = diagnose::appearance(entry, &pair(channels, seed), 5, seed).unwrap();
+                assert!(!checks.is_empty());
+                for c in checks {
+                    assert!(c.passed(), "{channels} channels, seed {seed}: {c:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn perfect_alignment_is_the_maximum() {
+    for mut c in cases() {
+        let likelihood = c.am.likelihood();
+        assert!(likelihood < 1.0 && c.am.similarity().is_finite());
+        let f = c.am.similarity();
+        c.am.set_current(&c.pair.template);
+        assert!(c.am.similarity() > f, "{}", c.name);
+        assert!(
+            c.am.likelihood() > likelihood && c.am.likelihood() <= 1.0 + 1e-9,
+            "{}",
+            c.name
+        );
+        if !c.am.capabilities().derivatives {
+            continue;
+        }
+        let mut g = vec![0.0; c.pair.shape.len()];
+        c.am.gradient_into(Side::Current, &mut g);
+        let size: f64 = g.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt();
+        c.am.set_current(&c.pair.current);
+        let mut away = vec![0.0; c.pair.shape.len()];
+        c.am.gradient_into(Side::Current, &mut away);
+        let scale: f64 = away.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt();
+        assert!(size < 1e-4 * scale, "{}: {size:e} of {scale:e}", c.name);
+    }
+}
+
+#[test]
+fn distance_orders_patches_as_the_similarity_does() {
+    for entry in AMS {
+        let mut r = common::rng(3);
+        let shape = PatchShape {
+            res: Resolution { cols: 13, rows: 11 },
+            channels: 1,
+        };
+        let waves = Waves::new(4);
+        let patch = |dx: f64, gain: f64| -> Vec<f32> {
+            (0..143)
+                .map(|i| (gain * waves.at([(i % 13) as f64 * 4.0 + dx, (i / 13) as f64 * 4.0])) as f32)
+                .collect()
+        };
+        let mut am = (entry.build)(&[]).unwrap();
+        am.set_template(shape, &patch(0.0, 1.0)).unwrap();
+        let feature = |am: &dyn AppearanceModel, p: &[f32]| {
+            let mut f = vec![0.0; am.feature_len()];
+            am.feature_into(p, &mut f);
+            f
+        };
+        let stored = feature(&*am, &patch(0.0, 1.0));
+        let mut pairs: Vec<(f64, f32)> = (0..20)
+            .map(|_| {
+                let p = patch(r.random_range(-6.0..6.0), r.random_range(0.8..1.2));
+                am.set_current(&p);
+                (
+                    am.similarity(),
+                    am.distance(&feature(&*am, &p), &stored, f32::INFINITY),
+                )
+            })
+            .collect();
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for w in pairs.windows(2) {
+            let tie = (w[0].0 - w[1].0).abs() < 1e-5 * w[0].0.abs();
+            assert!(tie || w[0].1 >= w[1].1, "{}: {w:?}", entry.name);
+        }
+    }
+}
+
+#[test]
+fn flat_and_saturated_patches_are_no_numbers_in_disguise() {
+    for entry in AMS {
+        let shape = PatchShape {
+            res: Resolution { cols: 13, rows: 11 },
+            channels: 1,
+        };
+        let waves = Waves::new(4);
+        let textured: Vec<f32> = (0..143)
+            .map(|i| waves.at([(i % 13) as f64 * 4.0, (i / 13) as f64 * 4.0]) as f32)
+            .collect();
+        let mut am = (entry.build)(&[]).unwrap();
+        am.set_template(shape, &textured).unwrap();
+        for level in [0.0, 128.0, 255.0] {
+            am.set_current(&[level; 143]);
+            assert!(
+                am.similarity().is_finite() && am.likelihood().is_finite(),
+                "{}",
+                entry.name
+            );
+            let mut g = vec![f32::NAN; 143];
+            if am.capabilities().derivatives {
+                am.gradient_into(Side::Current, &mut g);
+                assert!(g.iter().all(|v| v.is_finite()), "{}", entry.name);
+            }
+            let mut f = vec![f32::NAN; am.feature_len()];
+            am.feature_into(&[level; 143], &mut f);
+            assert!(f.iter().all(|v| v.is_finite()), "{}", entry.name);
+        }
+    }
+}

@@ -1,0 +1,248 @@
+//! What every search method must satisfy; loops over the registry, so a new entry is tested by being listed.
+
+mod common;
+
+use common::{alignment_error, moved, perturbation};
+use mtf_eval::diagnose::Waves;
+use mtf_eval::geom::{Corners, Mat3, homography};
+use mtf_eval::registry::{Registry, Selection};
+use mtf_eval::tracker::{Stop, TrackError, Tracker};
+
+const SIZE: (usize, usize) = (240, 200);
+
+fn quad() -> Corners {
+    Corners([[71.3, 60.2], [164.7, 55.9], [170.1, 140.4], [66.6, 145.0]])
+}
+
+fn all(extra: &[(&str, &str)]) -> Vec<(String, Box<dyn Tracker>)> {
+    let registry = Registry::builtin();
+    let list = |s: &str| vec![s.to_owned()];
+    let set = extra
+        .iter()
+        .map(|(k, v)| (k.to_string(), v.to_string()))
+        .collect();
+    let selection = Selection {
+        sm: list("gradient"),
+        am: list("all"),
+        ssm: list("homography"),
+        set,
+        ..Default::default()
+    };
+    let specs = registry.expand(&selection).unwrap().specs;
+    specs
+        .iter()
+        .map(|s| (s.to_string(), registry.build(s).unwrap()))
+        .collect()
+}
+
+fn still(waves: &Waves) -> mtf_eval::image::Frame {
+    moved(waves, SIZE, &Mat3::identity())
+}
+
+#[test]
+fn recovers_random_homographies() {
+    for seed in 0..4 {
+        let waves = Waves::new(seed);
+        let mut r = common::rng(seed);
+        let motion = perturbation(&quad(), 3.0 + seed as f64, &mut r);
+        let truth = homography::apply_corners(&motion, &quad());
+        let next = moved(&waves, SIZE, &motion);
+        let mut results = Vec::new();
+        for (id, mut tracker) in all(&[("max_iters", "60"), ("epsilon", "1e-9")]) {
+            tracker.init(&still(&waves), &quad()).unwrap();
+            let update = tracker.update(&next).unwrap_or_else(|e| panic!("{id}: {e}"));
+            let error = alignment_error(&update.corners, &truth);
+            assert!(
+                error < 0.01,
+                "{id}, seed {seed}: {error} px after {} iterations",
+                update.iterations
+            );
+            results.push((id, update.corners));
+        }
+        // All methods end in the same place.
+        for (id, c) in &results[1..] {
+            assert!(
+                alignment_error(c, &results[0].1) < 0.01,
+                "{id} and {}",
+                results[0].0
+            );
+        }
+    }
+}
+
+#[test]
+fn every_hessian_and_option_recovers_small_motion() {
+    let waves = Waves::new(21);
+    let motion = perturbation(&quad(), 1.5, &mut common::rng(2));
+    let truth = homography::apply_corners(&motion, &quad());
+    let (first, next) = (still(&waves), moved(&waves, SIZE, &motion));
+    let registry = Registry::builtin();
+    for sm in registry.sms().iter().filter(|e| e.groups.contains(&"gradient")) {
+        for hess in [
+            "initial_self",
+            "current_self",
+            "sum_of_self",
+            "original",
+            "sum_of_std",
+            "std",
+        ] {
+            for options in [
+                "",
+                ",second_order=1",
+                ",leven_marq=1",
+                ",second_order=1,leven_marq=1",
+                ",channels=3",
+            ] {
+                for am in ["ssd", "zncc", "ncc"] {
+                    // Far from the maximum the template-side Hessian of NCC is indefinite under the inverse additive method.
+                    if (sm.name, am, hess) == ("ialk", "ncc", "std") {
+                        continue;
+                    }
+                    let id = format!(
+                        "{}/{am}/homography{{hess={hess},max_iters=100,epsilon=1e-9{options}}}",
+                        sm.name
+                    );
+                    // Refused where a method does not have that Hessian.
+                    let Ok(spec) = registry.parse(&id) else { continue };
+                    let mut tracker = registry.build(&spec).unwrap();
+                    tracker.init(&first, &quad()).unwrap();
+                    let update = tracker.update(&next).unwrap_or_else(|e| panic!("{id}: {e}"));
+                    let error = alignment_error(&update.corners, &truth);
+                    assert!(error < 0.02, "{id}: {error} px after {}", update.iterations);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn standing_still_stays_still_and_repeats_exactly() {
+    let waves = Waves::new(3);
+    let motion = perturbation(&quad(), 2.0, &mut common::rng(9));
+    let next = moved(&waves, SIZE, &motion);
+    for (id, mut tracker) in all(&[]) {
+        tracker.init(&still(&waves), &quad()).unwrap();
+        let update = tracker.update(&still(&waves)).unwrap();
+        assert!(alignment_error(&update.corners, &quad()) < 1e-3, "{id}");
+        assert_eq!((update.stop, update.iterations), (Stop::Converged, 1), "{id}");
+        let first = tracker.update(&next).unwrap();
+        tracker.init(&still(&waves), &quad()).unwrap();
+        tracker.update(&still(&waves)).unwrap();
+        assert_eq!(tracker.update(&next).unwrap().corners, first.corners, "{id}");
+    }
+}
+
+#[test]
+fn levenberg_marquardt_never_ends_below_its_start() {
+    let waves = Waves::new(5);
+    for seed in 0..6 {
+        // Far beyond the basin: the search fails, but not downwards.
+        let motion = perturbation(&quad(), 25.0, &mut common::rng(seed));
+        let next = moved(&waves, SIZE, &motion);
+        for (id, mut tracker) in all(&[("leven_marq", "1")]) {
+            tracker.init(&still(&waves), &quad()).unwrap();
+            let mut stuck = Registry::builtin()
+                .build(
+                    &Registry::builtin()
+                        .parse(&id.replace("leven_marq=1", "max_iters=1,epsilon=1e6"))
+                        .unwrap(),
+                )
+                .unwrap();
+            stuck.init(&still(&waves), &quad()).unwrap();
+            // One iteration without LM evaluates the similarity at the start.
+            let start = stuck.update(&next).map(|u| u.similarity);
+            if let (Ok(u), Ok(start)) = (tracker.update(&next), start) {
+                tracker.init(&still(&waves), &quad()).unwrap();
+                tracker.set_region(&u.corners).unwrap();
+                stuck.init(&still(&waves), &quad()).unwrap();
+                stuck.set_region(&u.corners).unwrap();
+                let end = stuck.update(&next).map_or(f64::NEG_INFINITY, |u| u.similarity);
+                assert!(end >= start - 1e-4 * start.abs(), "{id}: {start} -> {end}");
+            }
+        }
+    }
+}
+
+#[test]
+fn set_region_keeps_the_template() {
+    // The object turned by 70 degrees, scaled by 1.2 and placed 2.3 px off: beyond any search from the old place.
+    let waves = Waves::new(8);
+    let c = quad().centroid();
+    let (s, k) = (70f64.to_radians().sin() * 1.2, 70f64.to_radians().cos() * 1.2);
+    let around = |x: f64, y: f64| Mat3::new(1.0, 0.0, x, 0.0, 1.0, y, 0.0, 0.0, 1.0);
+    let turn = around(c[0], c[1]) * Mat3::new(k, -s, 0.0, s, k, 0.0, 0.0, 0.0, 1.0) * around(-c[0], -c[1]);
+    let truth = homography::apply_corners(&turn, &quad());
+    let start = homography::apply_corners(&perturbation(&truth, 2.3, &mut common::rng(4)), &truth);
+    let next = moved(&waves, SIZE, &turn);
+    let registry = Registry::builtin();
+    for sm in ["falk", "ialk", "fclk", "iclk", "esm"] {
+        for ssm in ["homography", "affine", "similitude"] {
+            let spec = registry
+                .parse(&format!("{sm}/ssd/{ssm}{{epsilon=1e-9,max_iters=60}}"))
+                .unwrap();
+            let mut tracker = registry.build(&spec).unwrap();
+            tracker.init(&still(&waves), &quad()).unwrap();
+            // A model that cannot represent the start re-bases; its template gradient must turn with it.
+            tracker.set_region(&start).unwrap();
+            if ssm == "homography" {
+                let update = tracker.update(&next).unwrap();
+                assert!(alignment_error(&update.corners, &truth) < 0.01, "{spec}");
+            } else {
+                assert!(alignment_error(&tracker.corners(), &start) < 0.5, "{spec}");
+            }
+        }
+        // The same with a model of few parameters whose start is the truth moved inside the model.
+        let spec = registry
+            .parse(&format!("{sm}/ssd/translation{{epsilon=1e-9,max_iters=60}}"))
+            .unwrap();
+        let mut tracker = registry.build(&spec).unwrap();
+        tracker.init(&still(&waves), &quad()).unwrap();
+        tracker.set_region(&truth.translated(1.7, -1.1)).unwrap();
+        let update = tracker.update(&next).unwrap();
+        assert!(
+            alignment_error(&update.corners, &truth) < 0.02,
+            "{spec}: {}",
+            alignment_error(&update.corners, &truth)
+        );
+    }
+}
+
+#[test]
+fn failures_are_typed_and_leave_the_tracker_usable() {
+    use mtf_eval::image::{Frame, Image};
+    let waves = Waves::new(6);
+    let flat = || Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, |_, _| 90.0));
+    let poisoned = || Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, |_, _| f32::NAN));
+    for (id, mut tracker) in all(&[]) {
+        assert!(
+            matches!(tracker.update(&still(&waves)), Err(TrackError::NotInitialised)),
+            "{id}"
+        );
+        assert!(
+            matches!(tracker.init(&flat(), &quad()), Err(TrackError::Template(_))),
+            "{id}"
+        );
+        assert!(
+            matches!(tracker.init(&poisoned(), &quad()), Err(TrackError::NotFinite(_))),
+            "{id}"
+        );
+        let away = quad().translated(5000.0, 0.0);
+        assert!(
+            matches!(tracker.init(&still(&waves), &away), Err(TrackError::Outside)),
+            "{id}"
+        );
+        let tiny = Corners::rect(50.0, 50.0, 0.5, 0.5);
+        assert!(
+            matches!(tracker.init(&still(&waves), &tiny), Err(TrackError::BadRegion(_))),
+            "{id}"
+        );
+        tracker.init(&still(&waves), &quad()).unwrap();
+        assert!(tracker.update(&poisoned()).is_err(), "{id}");
+        // A featureless frame gives no direction, or a wrong one, but never a number that is not finite.
+        let _ = tracker.update(&flat());
+        assert!(tracker.corners().is_finite(), "{id}");
+        tracker.set_region(&quad()).unwrap();
+        let update = tracker.update(&still(&waves)).unwrap();
+        assert!(alignment_error(&update.corners, &quad()) < 0.01, "{id}");
+    }
+}
