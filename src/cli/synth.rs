@@ -2,6 +2,7 @@
 
 use anyhow::Context as _;
 use mtf_eval::synth::{SynthError, SynthSpec, Written, texture, write_builtin, write_sequence};
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -183,19 +184,11 @@ impl SynthArgs {
     }
 }
 
-/// Renders what `args` ask for. Exit code 0, or 2 with a message when an option, an image or the folder is unusable.
+/// Renders what `args` ask for; a line on stderr for each sequence.
 ///
 /// # Errors
-/// When stdout cannot be written.
+/// An option, an image or the folder is unusable (exit code 2).
 pub fn run(args: &SynthArgs) -> anyhow::Result<ExitCode> {
-    if args.list_textures {
-        use std::io::Write as _;
-        let mut out = std::io::stdout().lock();
-        for t in texture::TEXTURES {
-            writeln!(out, "{:10} {}", t.name, t.about).context("stdout")?;
-        }
-        return Ok(ExitCode::SUCCESS);
-    }
     let report = |name: &str, w: &Written| {
         eprintln!(
             "{name}: {} frames, {:.2} MB, corner motion {:.2} px/frame (at most {:.2})",
@@ -205,21 +198,20 @@ pub fn run(args: &SynthArgs) -> anyhow::Result<ExitCode> {
             w.max_speed
         );
     };
-    let result = if let Some(dir) = &args.builtin {
-        write_builtin(dir, args.force, report)
-    } else {
-        let out = args.out.clone().unwrap_or_default();
-        args.spec().and_then(|spec| {
-            let written = write_sequence(&spec, &out, args.force)?;
-            report(&out.display().to_string(), &written);
-            Ok(())
-        })
-    };
-    Ok(match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
-            eprintln!("error: {e}");
-            ExitCode::from(2)
+    if args.list_textures {
+        let mut out = std::io::stdout().lock();
+        for t in texture::TEXTURES {
+            writeln!(out, "{:10} {}", t.name, t.about)?;
         }
-    })
+    } else if let Some(dir) = &args.builtin {
+        write_builtin(dir, args.force, report)?;
+    } else {
+        let out = args
+            .out
+            .as_deref()
+            .context("the folder of the new sequence is missing")?;
+        let written = write_sequence(&args.spec()?, out, args.force)?;
+        report(&out.display().to_string(), &written);
+    }
+    Ok(ExitCode::SUCCESS)
 }

@@ -21,6 +21,7 @@ mod font;
 mod light;
 pub mod motion;
 mod occlude;
+mod options;
 mod path;
 mod plane;
 mod random;
@@ -30,6 +31,7 @@ pub mod texture;
 mod write;
 
 pub use builtin::{builtin_commands, builtin_spec, write_builtin};
+pub use options::{OPTIONS, SynthOption};
 pub use render::{Sequence, frames, render_sequence};
-pub use spec::{Background, Format, Light, Mode, OPTIONS, Source, SynthError, SynthOption, SynthSpec};
+pub use spec::{Background, Format, Light, Mode, Source, SynthError, SynthSpec};
 pub use write::{Written, encode, ground_truth, metadata, write_sequence};

@@ -50,7 +50,8 @@ const STREAM_NOISE: u64 = 1 << 40;
 /// Prepares the sequence of `spec`: draws or reads its textures and computes its path.
 ///
 /// # Errors
-/// [`SynthError::Image`] for an unreadable image, [`SynthError::Impossible`] when the motion cannot be had.
+/// [`SynthError::BadValue`] for a value out of range, [`SynthError::Image`] for an unreadable image,
+/// [`SynthError::Impossible`] when the motion cannot be had.
 pub fn render_sequence(spec: &SynthSpec) -> Result<Sequence, SynthError> {
     Sequence::new(spec)
 }
@@ -93,6 +94,7 @@ fn covering(image: &RgbImage, width: f64, height: f64) -> f64 {
 
 impl Sequence {
     fn new(spec: &SynthSpec) -> Result<Self, SynthError> {
+        spec.validate()?;
         let path = Path::new(spec, &mut Random::new(spec.seed, STREAM_PATH))?;
         let image = load(&spec.source, spec.seed)?;
         let [w, h] = spec.size.map(|n| n as f64);

@@ -85,7 +85,22 @@ pub fn metadata(name: &str, spec: &SynthSpec, sequence: &Sequence) -> String {
     format!("{meta:#}\n")
 }
 
-/// Renders `spec` into the folder `dir` (made when missing); the sequence is called after it.
+/// Removes `frameNNNNN.jpg` and `.png`: frames of an earlier sequence must not outlive its ground truth.
+fn remove_frames(dir: &Path) -> std::io::Result<()> {
+    for entry in std::fs::read_dir(dir)? {
+        let name = entry?.file_name().to_string_lossy().into_owned();
+        let number = name
+            .strip_prefix("frame")
+            .and_then(|n| n.strip_suffix(".jpg").or(n.strip_suffix(".png")));
+        if number.is_some_and(|n| n.len() == 5 && n.bytes().all(|b| b.is_ascii_digit())) {
+            std::fs::remove_file(dir.join(name))?;
+        }
+    }
+    Ok(())
+}
+
+/// Renders `spec` into the folder `dir` (made when missing); the sequence is called after it. With `force`, frames of
+/// an earlier sequence are removed.
 ///
 /// # Errors
 /// [`SynthError::NotEmpty`] when `dir` holds anything and `force` is false, [`SynthError::Write`] when a file cannot be
@@ -106,6 +121,9 @@ pub fn write_sequence(spec: &SynthSpec, dir: &Path, force: bool) -> Result<Writt
         std::fs::write(&path, bytes).map_err(|e| failed(&path, e.to_string()))?;
         Ok(bytes.len() as u64)
     };
+    if force {
+        remove_frames(dir).map_err(|e| failed(dir, e.to_string()))?;
+    }
     let frame = |i: usize| {
         let name = frame_name(i, spec.format);
         let bytes = encode(&sequence.frame(i), spec).map_err(|e| failed(&dir.join(&name), e))?;
