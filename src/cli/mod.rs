@@ -7,6 +7,7 @@ mod diagnose;
 mod list;
 mod progress;
 mod run;
+mod synth;
 
 use args::{Cli, Command, Messages, When};
 use clap::{CommandFactory, Parser};
@@ -164,6 +165,7 @@ fn dispatch(cli: Cli, console: &Console) -> Outcome {
             let again = |command: &[String]| Ok(run::run_recorded(command, progress, console)?);
             check::run(&args, &again).or_else(ended)
         }
+        Command::Synth(args) => synth::run(&args).or_else(ended),
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Completions { shell } => {
             let mut script = Vec::new();
