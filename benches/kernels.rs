@@ -8,7 +8,7 @@ use common::{fastest, row};
 use mtf_eval::diagnose::Waves;
 use mtf_eval::geom::solve::SymMatrix;
 use mtf_eval::geom::{Corners, Mat3, homography};
-use mtf_eval::image::{Image, PreProcessor, parse_preprocessor};
+use mtf_eval::image::{Image, parse_preprocessor};
 use mtf_eval::kernels::{self, Border, Grid2, Jacobian, sample_reference, steepest_reference};
 use mtf_eval::params::Resolution;
 use mtf_eval::ssm::{Gradient, Homography, JacobianKind, Points, StateSpaceModel};
@@ -41,6 +41,7 @@ fn main() {
         for (i, w) in wide.iter_mut().enumerate() {
             *w = sample_reference::bilinear(&plane, x[i].into(), y[i].into());
         }
+        wide.iter().sum::<f64>()
     });
     row("bilinear values", sample, "f64 bilinear", slow);
     let both =
