@@ -95,6 +95,15 @@ pub trait Lanes: Copy {
     /// Each lane's `x`, `y` is whole and non-negative, and its four elements lie within `plane`.
     unsafe fn quads(plane: &[f32], stride: usize, x: Self, y: Self) -> [Self; 4];
 
+    /// Each lane as an integer; the lanes are whole numbers in `[0, 2^31)`.
+    fn to_indices(self) -> [u32; WIDTH];
+    /// Rows and columns exchanged: lane `l` of row `k` becomes lane `k` of row `l`.
+    fn transpose(rows: [Self; WIDTH]) -> [Self; WIDTH];
+    /// First four elements of `s`, twice.
+    fn load_twice(s: &[f32]) -> Self;
+    /// For lanes `[a b c d a b c d]`: `[a a a a b b b b]` and `[c c c c d d d d]`.
+    fn spread(self) -> [Self; 2];
+
     /// First `s.len() < 8` elements of `s`, the rest zero.
     #[inline(always)]
     fn load_partial(s: &[f32]) -> Self {
@@ -223,6 +232,22 @@ impl Lanes for Portable {
         self.0.contains(&0.0)
     }
     #[inline(always)]
+    fn to_indices(self) -> [u32; WIDTH] {
+        self.0.map(|v| v as u32)
+    }
+    #[inline(always)]
+    fn transpose(rows: [Self; WIDTH]) -> [Self; WIDTH] {
+        std::array::from_fn(|k| Portable(std::array::from_fn(|l| rows[l].0[k])))
+    }
+    #[inline(always)]
+    fn load_twice(s: &[f32]) -> Self {
+        Portable(std::array::from_fn(|l| s[l % 4]))
+    }
+    #[inline(always)]
+    fn spread(self) -> [Self; 2] {
+        [0, 2].map(|k| Portable(std::array::from_fn(|l| self.0[4 * (l / 4) + k + l / 4])))
+    }
+    #[inline(always)]
     unsafe fn quads(plane: &[f32], stride: usize, x: Self, y: Self) -> [Self; 4] {
         let tap = |offset: usize| {
             Portable(std::array::from_fn(|l| {
@@ -328,6 +353,55 @@ mod x86 {
         #[inline(always)]
         fn any_zero(self) -> bool {
             unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, _mm256_setzero_ps())) != 0 }
+        }
+        #[inline(always)]
+        fn to_indices(self) -> [u32; WIDTH] {
+            let mut index = [0u32; WIDTH];
+            unsafe { _mm256_storeu_si256(index.as_mut_ptr().cast(), _mm256_cvttps_epi32(self.0)) }
+            index
+        }
+        #[inline(always)]
+        fn transpose(rows: [Self; WIDTH]) -> [Self; WIDTH] {
+            let r = rows.map(|r| r.0);
+            unsafe {
+                let pairs = |k: usize| {
+                    (
+                        _mm256_unpacklo_ps(r[k], r[k + 1]),
+                        _mm256_unpackhi_ps(r[k], r[k + 1]),
+                    )
+                };
+                let fours = |k: usize| {
+                    let ((a, b), (c, d)) = (pairs(k), pairs(k + 2));
+                    [
+                        _mm256_shuffle_ps::<0b01_00_01_00>(a, c),
+                        _mm256_shuffle_ps::<0b11_10_11_10>(a, c),
+                        _mm256_shuffle_ps::<0b01_00_01_00>(b, d),
+                        _mm256_shuffle_ps::<0b11_10_11_10>(b, d),
+                    ]
+                };
+                let (low, high) = (fours(0), fours(4));
+                std::array::from_fn(|k| {
+                    let (a, b) = (low[k % 4], high[k % 4]);
+                    Avx2(if k < 4 {
+                        _mm256_permute2f128_ps::<0x20>(a, b)
+                    } else {
+                        _mm256_permute2f128_ps::<0x31>(a, b)
+                    })
+                })
+            }
+        }
+        #[inline(always)]
+        fn load_twice(s: &[f32]) -> Self {
+            debug_assert!(s.len() >= 4);
+            Avx2(unsafe { _mm256_broadcast_ps(&*s.as_ptr().cast()) })
+        }
+        #[inline(always)]
+        fn spread(self) -> [Self; 2] {
+            unsafe {
+                let first = _mm256_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1);
+                let second = _mm256_setr_epi32(2, 2, 2, 2, 3, 3, 3, 3);
+                [first, second].map(|c| Avx2(_mm256_permutevar_ps(self.0, c)))
+            }
         }
         // One 64-bit load fetches a pixel and its right neighbour; on Zen this beats gathers by half.
         #[inline(always)]
