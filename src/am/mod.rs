@@ -24,6 +24,7 @@ mod ccre;
 mod information;
 mod mi;
 mod ncc;
+mod ngf;
 mod ssd;
 mod zncc;
 
@@ -31,6 +32,7 @@ pub use ccre::{Ccre, CrossCumulative};
 pub use information::{Information, InformationParams, Kind as InformationKind};
 pub use mi::{Mi, Mutual};
 pub use ncc::Ncc;
+pub use ngf::{Ngf, NgfParams};
 pub use ssd::Ssd;
 pub use zncc::Zncc;
 
@@ -46,6 +48,7 @@ pub const AMS: &[AmEntry] = &[
     AmEntry::of::<Ncc>(),
     AmEntry::of::<Mi>(),
     AmEntry::of::<Ccre>(),
+    AmEntry::of::<Ngf>(),
 ];
 
 /// Shape of a patch.

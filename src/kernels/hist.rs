@@ -103,6 +103,18 @@ fn horner<V: Lanes, const N: usize>(c: &[V; N], t: V) -> V {
     v
 }
 
+/// The four weights of each of eight values, twice over.
+#[inline(always)]
+fn twice<V: Lanes>(w: &[[V; 5]; SUPPORT], t: V) -> [V; WIDTH] {
+    let (a, b, c, d) = (
+        horner(&w[0], t),
+        horner(&w[1], t),
+        horner(&w[2], t),
+        horner(&w[3], t),
+    );
+    V::transpose([a, b, c, d, a, b, c, d])
+}
+
 #[inline(always)]
 fn bin_lanes<V: Lanes>(x: &[f32], buckets: usize, bucket: &mut [u32], tau: &mut [f32]) {
     let n = x.len();
@@ -131,8 +143,7 @@ fn window_lanes<V: Lanes>(window: &[[f32; 5]; SUPPORT], tau: &[f32], rows: &mut 
     let mut i = 0;
     while i < n {
         let t = V::load_at(tau, i);
-        let a: [V; SUPPORT] = std::array::from_fn(|k| horner(&w[k], t));
-        let pixels = V::transpose(std::array::from_fn(|k| a[k % SUPPORT]));
+        let pixels = twice(&w, t);
         for (row, pixel) in rows[4 * i..4 * n].chunks_exact_mut(4).zip(pixels) {
             pixel.store_partial(row);
         }
@@ -162,8 +173,7 @@ fn joint_lanes<V: Lanes, const VECS: usize>(
     let mut i = 0;
     while i < n {
         let t = V::load_at(tau, i);
-        let a: [V; SUPPORT] = std::array::from_fn(|k| horner(&w[k], t));
-        let pixels = V::transpose(std::array::from_fn(|k| a[k % SUPPORT]));
+        let pixels = twice(&w, t);
         for p in 0..WIDTH.min(n - i) {
             let at = bucket[i + p] as usize * buckets + right_bucket[i + p] as usize;
             cell[i + p] = at as u32;
@@ -218,13 +228,11 @@ fn moments_lanes<V: Lanes>(bucket: &[u32], tau: &[f32], sums: &mut [f32]) {
 #[inline(always)]
 fn rows<V: Lanes>(j: &Jacobian, first: usize, i: usize) -> [V; WIDTH] {
     let count = WIDTH.min(j.cols() - first);
-    V::transpose(std::array::from_fn(|k| {
-        if k < count {
-            V::load_at(j.col(first + k), i)
-        } else {
-            V::splat(0.0)
-        }
-    }))
+    let mut rows = [V::splat(0.0); WIDTH];
+    for (k, row) in rows.iter_mut().enumerate().take(count) {
+        *row = V::load_at(j.col(first + k), i);
+    }
+    V::transpose(rows)
 }
 
 #[inline(always)]
@@ -294,7 +302,11 @@ fn outer_lanes<V: Lanes, const L: usize>(
 /// Coefficients of eight pixels: element `k` of the result holds `table[start_p + k]` in lane `p`.
 #[inline(always)]
 fn look_up<V: Lanes>(table: &[f32], start: [usize; WIDTH]) -> [V; WIDTH] {
-    V::transpose(start.map(|k| V::load(&table[k..k + WIDTH])))
+    let mut rows = [V::splat(0.0); WIDTH];
+    for (row, k) in rows.iter_mut().zip(start) {
+        *row = V::load(&table[k..k + WIDTH]);
+    }
+    V::transpose(rows)
 }
 
 /// Elements `i .. i + 8` of `index` times `stride`; the last one repeated beyond the end.
@@ -345,15 +357,17 @@ fn cell_polynomial_lanes<V: Lanes, const P: usize, const Q: usize>(
             look_up::<V>(table, start.map(|k| k + WIDTH)),
         );
         let (tv, uv) = (V::load_at(t, i), V::load_at(u, i));
-        let row = |p: usize| {
-            let c: [V; Q] = std::array::from_fn(|q| {
+        let mut v = V::splat(0.0);
+        for p in (0..P).rev() {
+            let mut row = V::splat(0.0);
+            for q in (0..Q).rev() {
                 let k = p * Q + q;
-                if k < WIDTH { low[k] } else { high[k - WIDTH] }
-            });
-            horner(&c, uv)
-        };
-        let c: [V; P] = std::array::from_fn(row);
-        horner(&c, tv).store_at(out, i);
+                let c = if k < WIDTH { low[k] } else { high[k - WIDTH] };
+                row = row.mul_add(uv, c);
+            }
+            v = v.mul_add(tv, row);
+        }
+        v.store_at(out, i);
         i += WIDTH;
     }
 }

@@ -11,6 +11,7 @@ mod normal;
 mod reduce;
 mod sample;
 mod steepest;
+pub mod stencil;
 mod warp;
 mod weighted;
 
