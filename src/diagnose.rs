@@ -170,12 +170,15 @@ pub fn appearance(
             1e-6,
         );
 
-        let h = 1e-3;
+        // Fourth-order differences: truncation and rounding both stay below single precision.
         let hessian = |f: &dyn Fn(&[f64]) -> f64| {
             let mut out = SymMatrix::new(dof);
             out.fill(|a, b| {
-                let at = |sa: f64, sb: f64| f(&moved(&[(a, sa * h), (b, sb * h)]));
-                (at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0)) / (4.0 * h * h)
+                let cross = |h: f64| {
+                    let at = |sa: f64, sb: f64| f(&moved(&[(a, sa * h), (b, sb * h)]));
+                    (at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0)) / (4.0 * h * h)
+                };
+                (4.0 * cross(1e-3) - cross(2e-3)) / 3.0
             });
             out
         };

@@ -21,7 +21,10 @@
 //! from the same methods, so that no search method knows the difference.
 
 mod ccre;
+mod divergence;
 mod information;
+mod kld;
+mod lkld;
 mod mi;
 mod ncc;
 mod ngf;
@@ -29,7 +32,10 @@ mod ssd;
 mod zncc;
 
 pub use ccre::{Ccre, CrossCumulative};
+pub use divergence::{Divergence, DivergenceKind, DivergenceSettings};
 pub use information::{Information, InformationParams, Kind as InformationKind};
+pub use kld::{Kld, KldParams, Whole};
+pub use lkld::{Lkld, LkldParams, Localised};
 pub use mi::{Mi, Mutual};
 pub use ncc::Ncc;
 pub use ngf::{Ngf, NgfParams};
@@ -48,6 +54,8 @@ pub const AMS: &[AmEntry] = &[
     AmEntry::of::<Ncc>(),
     AmEntry::of::<Mi>(),
     AmEntry::of::<Ccre>(),
+    AmEntry::of::<Kld>(),
+    AmEntry::of::<Lkld>(),
     AmEntry::of::<Ngf>(),
 ];
 
