@@ -10,7 +10,7 @@ use crate::geom::solve::SymMatrix;
 use crate::geom::{Corners, homography};
 use crate::image::Image;
 use crate::kernels::{self, Border, Grid2, Jacobian, sample_reference};
-use crate::params::{ParamError, Resolution};
+use crate::params::{Assignment, ParamError, Resolution};
 use crate::ssm::{Gradient, ImageHessian, Increment, JacobianKind, Points, SsmEntry, StateSpaceModel};
 use crate::tracker::TrackError;
 use rand::{RngExt, SeedableRng};
@@ -95,14 +95,14 @@ pub struct PatchPair {
 }
 
 /// Derivatives of an appearance model with respect to pixel values, and its Hessians along `dof` random directions:
-/// the acceptance tests that hold for every differentiable model.
+/// the acceptance tests that hold for every differentiable model, built with its plain assignments.
 pub fn appearance(
     entry: &AmEntry,
     pair: &PatchPair,
     dof: usize,
     seed: u64,
 ) -> Result<Vec<Check>, DiagnoseError> {
-    let mut am = (entry.build)(&[])?;
+    let mut am = (entry.build)(entry.plain)?;
     am.set_template(pair.shape, &pair.template)
         .map_err(failed(entry.name))?;
     am.set_current(&pair.current);
@@ -170,18 +170,21 @@ pub fn appearance(
             1e-6,
         );
 
-        let h = 1e-3;
+        // Fourth-order differences: truncation and rounding both stay below single precision.
         let hessian = |f: &dyn Fn(&[f64]) -> f64| {
             let mut out = SymMatrix::new(dof);
             out.fill(|a, b| {
-                let at = |sa: f64, sb: f64| f(&moved(&[(a, sa * h), (b, sb * h)]));
-                (at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0)) / (4.0 * h * h)
+                let cross = |h: f64| {
+                    let at = |sa: f64, sb: f64| f(&moved(&[(a, sa * h), (b, sb * h)]));
+                    (at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0)) / (4.0 * h * h)
+                };
+                (4.0 * cross(1e-3) - cross(2e-3)) / 3.0
             });
             out
         };
         let standard = hessian(&|x| of_patch(&*am, x));
         // The self Hessian is that of a model whose template is this patch.
-        let mut equal = (entry.build)(&[])?;
+        let mut equal = (entry.build)(entry.plain)?;
         equal.set_template(pair.shape, own).map_err(failed(entry.name))?;
         equal.set_current(own);
         let own_hessian = hessian(&|x| equal.reference(&own_wide, x));
@@ -411,6 +414,7 @@ fn plane(image: &Image) -> Grid2<'_> {
 impl<'a> Chain<'a> {
     fn new(
         am: &AmEntry,
+        assignments: &[Assignment<'_>],
         ssm: &SsmEntry,
         images: [&'a Image; 2],
         corners: &Corners,
@@ -419,7 +423,7 @@ impl<'a> Chain<'a> {
         let error = failed(am.name);
         let shape = PatchShape { res, channels: 1 };
         let n = shape.len();
-        let (mut am, mut ssm) = ((am.build)(&[])?, (ssm.build)(&[])?);
+        let (mut am, mut ssm) = ((am.build)(assignments)?, (ssm.build)(&[])?);
         ssm.init(corners, res).map_err(&error)?;
         let (mut x, mut y) = (vec![0.0; n], vec![0.0; n]);
         let [mut template, mut gx, mut gy] = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
@@ -505,7 +509,7 @@ pub fn chain(
 ) -> Result<Vec<Check>, DiagnoseError> {
     let subject = format!("{}/{}", am.name, ssm.name);
     let error = failed(&subject);
-    let mut chain = Chain::new(am, ssm, images, corners, res)?;
+    let mut chain = Chain::new(am, am.plain, ssm, images, corners, res)?;
     if !chain.am.capabilities().derivatives {
         return Ok(Vec::new());
     }
@@ -612,7 +616,7 @@ pub fn sweep(
 ) -> Result<Vec<SweepRow>, DiagnoseError> {
     let subject = format!("{}/{}", am.name, ssm.name);
     let error = failed(&subject);
-    let mut chain = Chain::new(am, ssm, images, corners, res)?;
+    let mut chain = Chain::new(am, &[], ssm, images, corners, res)?;
     let s = chain.ssm.dof();
     let derivatives = chain.am.capabilities().derivatives;
     let mut out = Vec::with_capacity(s * steps);

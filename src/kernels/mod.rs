@@ -5,12 +5,15 @@
 
 pub mod blur;
 pub mod gray;
+pub mod hist;
 mod lanes;
 mod normal;
 mod reduce;
 mod sample;
 mod steepest;
+pub mod stencil;
 mod warp;
+mod weighted;
 
 #[cfg(target_arch = "x86_64")]
 pub use lanes::Avx2;
@@ -21,3 +24,4 @@ pub use reduce::{combine, dot, rescale, squared_distance, subtract, subtract_fro
 pub use sample::{Border, Grid2, image_hessian, sample, sample_gradient, sample_reference};
 pub use steepest::{Column, Covectors, steepest, steepest_reference};
 pub use warp::warp_projective;
+pub use weighted::weighted_gram;
