@@ -102,7 +102,18 @@ pub fn appearance(
     dof: usize,
     seed: u64,
 ) -> Result<Vec<Check>, DiagnoseError> {
-    let mut am = (entry.build)(entry.plain)?;
+    appearance_with(entry, entry.plain, pair, dof, seed)
+}
+
+/// The same of a model with parameters that differ from the defaults.
+pub fn appearance_with(
+    entry: &AmEntry,
+    params: &[Assignment<'_>],
+    pair: &PatchPair,
+    dof: usize,
+    seed: u64,
+) -> Result<Vec<Check>, DiagnoseError> {
+    let mut am = (entry.build)(params)?;
     am.set_template(pair.shape, &pair.template)
         .map_err(failed(entry.name))?;
     am.set_current(&pair.current);
@@ -184,7 +195,7 @@ pub fn appearance(
         };
         let standard = hessian(&|x| of_patch(&*am, x));
         // The self Hessian is that of a model whose template is this patch.
-        let mut equal = (entry.build)(entry.plain)?;
+        let mut equal = (entry.build)(params)?;
         equal.set_template(pair.shape, own).map_err(failed(entry.name))?;
         equal.set_current(own);
         let own_hessian = hessian(&|x| equal.reference(&own_wide, x));
@@ -464,6 +475,7 @@ impl<'a> Chain<'a> {
             &mut gx,
             &mut gy,
         );
+        self.am.begin_frame();
         self.am.set_current(&v);
         [x, y, gx, gy]
     }

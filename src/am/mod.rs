@@ -28,7 +28,15 @@ mod lkld;
 mod mi;
 mod ncc;
 mod ngf;
+mod nssd;
+mod riu;
+mod sad;
+mod scv;
+mod spss;
 mod ssd;
+mod ssim;
+mod sum;
+mod tone;
 mod zncc;
 
 pub use ccre::{Ccre, CrossCumulative};
@@ -39,7 +47,14 @@ pub use lkld::{Lkld, LkldParams, Localised};
 pub use mi::{Mi, Mutual};
 pub use ncc::Ncc;
 pub use ngf::{Ngf, NgfParams};
+pub use nssd::Nssd;
+pub use riu::Riu;
+pub use sad::Sad;
+pub use scv::{ConditionalVariance, Lrscv, Lscv, Rscv, Scv};
+pub use spss::Spss;
 pub use ssd::Ssd;
+pub use ssim::Ssim;
+pub use sum::Sum;
 pub use zncc::Zncc;
 
 use crate::geom::solve::SymMatrix;
@@ -50,13 +65,23 @@ use crate::tracker::TrackError;
 /// Every appearance model of the crate, in the order of the documentation.
 pub const AMS: &[AmEntry] = &[
     AmEntry::of::<Ssd>(),
+    AmEntry::of::<Nssd>(),
+    AmEntry::of::<Sad>(),
     AmEntry::of::<Zncc>(),
     AmEntry::of::<Ncc>(),
+    AmEntry::of::<Ssim>(),
+    AmEntry::of::<Spss>(),
+    AmEntry::of::<Riu>(),
+    AmEntry::of::<Scv>(),
+    AmEntry::of::<Rscv>(),
+    AmEntry::of::<Lscv>(),
+    AmEntry::of::<Lrscv>(),
     AmEntry::of::<Mi>(),
     AmEntry::of::<Ccre>(),
     AmEntry::of::<Kld>(),
     AmEntry::of::<Lkld>(),
     AmEntry::of::<Ngf>(),
+    AmEntry::of::<Sum>(),
 ];
 
 /// Shape of a patch.
@@ -102,6 +127,8 @@ pub enum Curvature {
 pub enum Metric {
     /// Squared Euclidean distance of feature vectors.
     SquaredL2,
+    /// Sum of absolute differences of feature vectors.
+    L1,
     /// Anything else; only comparisons one by one are valid.
     Other,
 }
@@ -165,6 +192,10 @@ pub trait AppearanceModel: Send {
     /// Fails when the patch is not finite or has nothing to track.
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError>;
 
+    /// Tells that the patches to come belong to a new frame: models that estimate something once per frame do so with the
+    /// next patch. Called by search methods at the start of each update.
+    fn begin_frame(&mut self) {}
+
     /// Takes the current patch and computes what the similarity and its derivatives share (function 4 without `f`).
     fn set_current(&mut self, patch: &[f32]);
 
@@ -214,6 +245,18 @@ pub trait AppearanceModel: Send {
         kernels::squared_distance(query, stored, bound)
     }
 
+    /// Adapts the model to the patch at which a frame's search ended (raw, like all patches). Returns true when
+    /// something that a search method may have kept has changed: gradients or Hessians of the template side.
+    fn learn(&mut self, _patch: &[f32]) -> bool {
+        false
+    }
+
+    /// Whether the model is of little use unless it learns: search methods then call [`learn`](Self::learn) unless told
+    /// not to.
+    fn needs_learning(&self) -> bool {
+        false
+    }
+
     /// Slow `f64` definition of the function whose derivatives the model returns, for any two patches. A model that
     /// holds part of itself fixed while differentiating (ZNCC its normalisation) holds it at its present patches.
     fn reference(&self, template: &[f64], current: &[f64]) -> f64;
@@ -234,6 +277,9 @@ impl<T: AppearanceModel + ?Sized> AppearanceModel for Box<T> {
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         (**self).set_template(shape, patch)
+    }
+    fn begin_frame(&mut self) {
+        (**self).begin_frame()
     }
     fn set_current(&mut self, patch: &[f32]) {
         (**self).set_current(patch)
@@ -264,6 +310,12 @@ impl<T: AppearanceModel + ?Sized> AppearanceModel for Box<T> {
     }
     fn distance(&self, query: &[f32], stored: &[f32], bound: f32) -> f32 {
         (**self).distance(query, stored, bound)
+    }
+    fn learn(&mut self, patch: &[f32]) -> bool {
+        (**self).learn(patch)
+    }
+    fn needs_learning(&self) -> bool {
+        (**self).needs_learning()
     }
     fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
         (**self).reference(template, current)
