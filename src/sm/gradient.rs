@@ -353,7 +353,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
             self.ssm.set_state(&self.accepted)?;
             return Err(e);
         }
-        Ok(self.ssm.corners().distance_squared(&before) < self.params.epsilon)
+        Ok(self.ssm.motion_squared(&before, &self.accepted) < self.params.epsilon)
     }
 
     fn search(&mut self, image: &Image, ws: &mut Workspace) -> Result<(Stop, u32), TrackError> {
@@ -382,6 +382,8 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
                 self.accepted.copy_from_slice(self.ssm.state());
                 let (method, mut kit, normal) = self.kit(image, ws);
                 method.linearise(&mut kit, normal);
+                self.ssm
+                    .regularise(&mut self.normal.gradient, &mut self.normal.hessian);
             }
             if self.step(image, lambda, &mut ws.work)? {
                 stop = Stop::Converged;
@@ -564,6 +566,13 @@ pub(super) const fn entry<M: LkMethod>() -> SmEntry {
         summary: M::SUMMARY,
         params: AllParams::<M>::info,
         refuses: |am| (!am.derivatives).then_some("has no derivatives"),
+        refuses_ssm: |ssm| match M::INCREMENT {
+            Increment::Compositional if !ssm.compositional => Some("does not compose"),
+            Increment::InverseCompositional if !(ssm.compositional && ssm.invertible) => {
+                Some("does not compose and has no inverses")
+            }
+            _ => None,
+        },
         build: |a, am, ssm| {
             let ((sampling, params), extra) = parse::<M>(a)?;
             Ok(Box::new(Lk::<M, _, _>::with_params(
