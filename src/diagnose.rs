@@ -319,7 +319,11 @@ pub fn warp(
         JacobianKind::Additive,
         JacobianKind::Approximate,
     ];
-    for kind in kinds {
+    let composes = ssm.capabilities().compositional;
+    // Without composition, the warped kind is the derivative of nothing the warp can do, and the approximate one, whose
+    // reference below carries the template by a homography, cannot be checked this way.
+    let checked = |k: &JacobianKind| composes || matches!(k, JacobianKind::Template | JacobianKind::Additive);
+    for kind in kinds.into_iter().filter(checked) {
         let d = if kind.of_template() { &template } else { &current };
         let gradient = Gradient { x: &d[0], y: &d[1] };
         let mut j = Jacobian::new(n, s);
@@ -335,6 +339,7 @@ pub fn warp(
         // carried along by the present warp.
         let zero = vec![0.0; s];
         let (start, how) = match kind {
+            JacobianKind::Template if !composes => (&zero, Increment::Additive),
             JacobianKind::Template => (&zero, Increment::Compositional),
             JacobianKind::Warped => (&p, Increment::Compositional),
             JacobianKind::Additive | JacobianKind::Approximate => (&p, Increment::Additive),
@@ -535,6 +540,9 @@ pub fn chain(
         (JacobianKind::Additive, Increment::Additive),
         (JacobianKind::Warped, Increment::Compositional),
     ] {
+        if how == Increment::Compositional && !chain.ssm.capabilities().compositional {
+            continue;
+        }
         let j = chain.jacobian(kind, &sampled);
         let mut gradient = vec![0.0; chain.shape.len()];
         chain.am.gradient_into(Side::Current, &mut gradient);
@@ -588,7 +596,7 @@ pub struct SweepRow {
     pub likelihood: f64,
     /// RMS motion of the corners, px.
     pub corner_motion: f64,
-    /// Entry of the compositional gradient `f_t J`.
+    /// Entry of the gradient `f_t J`: compositional, or additive for warps that do not compose.
     pub gradient: f64,
     /// Entry of `½ (f_t J - f_0 J0)` (ESM).
     pub gradient_esm: f64,
@@ -631,6 +639,11 @@ pub fn sweep(
     let mut chain = Chain::new(am, &[], ssm, images, corners, res)?;
     let s = chain.ssm.dof();
     let derivatives = chain.am.capabilities().derivatives;
+    let (how, kind) = if chain.ssm.capabilities().compositional {
+        (Increment::Compositional, JacobianKind::Warped)
+    } else {
+        (Increment::Additive, JacobianKind::Additive)
+    };
     let mut out = Vec::with_capacity(s * steps);
     for parameter in 0..s {
         for step in 0..steps {
@@ -662,7 +675,7 @@ pub fn sweep(
             let mut at = |d: f64| {
                 let mut delta = vec![0.0; s];
                 delta[parameter] = d;
-                chain.reference(Increment::Compositional, &delta)
+                chain.reference(how, &delta)
             };
             let (up, centre, down) = (
                 at(h).map_err(&error)?,
@@ -672,7 +685,7 @@ pub fn sweep(
             row.gradient_numeric = (up - down) / (2.0 * h);
             row.hessian_numeric = (up + down - 2.0 * centre) / (h * h);
             if derivatives {
-                let j = chain.jacobian(JacobianKind::Warped, &sampled);
+                let j = chain.jacobian(kind, &sampled);
                 let j0 = chain.jacobian(JacobianKind::Template, &sampled);
                 let mut scratch = vec![0.0; chain.shape.len()];
                 let (mut g, mut g0) = (Normal::new(s), vec![0.0; s]);

@@ -5,6 +5,7 @@
 pub mod am;
 pub mod dataset;
 pub mod diagnose;
+pub mod estimate;
 pub mod eval;
 pub mod geom;
 pub mod image;

@@ -3,6 +3,7 @@
 //! Every kernel stands beside a slow reference in `f64` (in its tests or as `*_reference`), and runs with identical
 //! results on any instruction set. Depends on nothing else in the crate but plain data types.
 
+mod blend;
 pub mod blur;
 pub mod gray;
 pub mod hist;
@@ -17,6 +18,7 @@ mod tone;
 mod warp;
 mod weighted;
 
+pub use blend::{accumulate, product, row_times, scale_shift};
 #[cfg(target_arch = "x86_64")]
 pub use lanes::Avx2;
 pub(crate) use lanes::dispatch;

@@ -356,7 +356,15 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
             self.ssm.set_state(&self.accepted)?;
             return Err(e);
         }
-        Ok(self.ssm.corners().distance_squared(&before) < self.params.epsilon)
+        Ok(self.ssm.motion_squared(&before, &self.accepted) < self.params.epsilon)
+    }
+
+    /// Gradient and Hessian at the sampled state, with the warp's own regularisation.
+    fn linearise(&mut self, image: &Image, ws: &mut Workspace) {
+        let (method, mut kit, normal) = self.kit(image, ws);
+        method.linearise(&mut kit, normal);
+        self.ssm
+            .regularise(&mut self.normal.gradient, &mut self.normal.hessian);
     }
 
     /// What Levenberg-Marquardt wants to grow at the sampled state: `f`, or `-J (-H)⁻¹ J'` for models whose steps do not
@@ -365,8 +373,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         if self.am.similarity_is_merit() {
             return self.am.similarity();
         }
-        let (method, mut kit, normal) = self.kit(image, ws);
-        method.linearise(&mut kit, normal);
+        self.linearise(image, ws);
         let Normal { gradient, hessian } = &self.normal;
         if solve_negative(hessian, 0.0, gradient, &mut self.delta, &mut ws.work) {
             gradient.iter().zip(&self.delta).map(|(g, x)| g * x).sum()
@@ -404,8 +411,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
                 best = f;
                 self.accepted.copy_from_slice(self.ssm.state());
                 if climbs || !lm {
-                    let (method, mut kit, normal) = self.kit(image, ws);
-                    method.linearise(&mut kit, normal);
+                    self.linearise(image, ws);
                 } else {
                     self.accepted_normal.copy_from(&self.normal);
                 }
@@ -593,6 +599,13 @@ pub(super) const fn entry<M: LkMethod>() -> SmEntry {
         summary: M::SUMMARY,
         params: AllParams::<M>::info,
         refuses: |am| (!am.derivatives).then_some("has no derivatives"),
+        refuses_ssm: |ssm| match M::INCREMENT {
+            Increment::Compositional if !ssm.compositional => Some("does not compose"),
+            Increment::InverseCompositional if !(ssm.compositional && ssm.invertible) => {
+                Some("does not compose and has no inverses")
+            }
+            _ => None,
+        },
         build: |a, am, ssm| {
             let ((sampling, params), extra) = parse::<M>(a)?;
             Ok(Box::new(Lk::<M, _, _>::with_params(
