@@ -313,6 +313,7 @@ pub fn warp(
         tolerance: 1e-6,
     }];
     let weights: Vec<f32> = (0..n).map(|_| r.random_range(-1.0..1.0)).collect();
+    let zero = vec![0.0; s];
     let kinds = [
         JacobianKind::Template,
         JacobianKind::Warped,
@@ -326,6 +327,8 @@ pub fn warp(
     for kind in kinds.into_iter().filter(checked) {
         let d = if kind.of_template() { &template } else { &current };
         let gradient = Gradient { x: &d[0], y: &d[1] };
+        ssm.set_state(if kind == JacobianKind::Template { &zero } else { &p })
+            .map_err(&error)?;
         let mut j = Jacobian::new(n, s);
         ssm.jacobian_into(kind, gradient, Points { x: &x, y: &y }, 0, &mut j);
         let mut h = SymMatrix::new(s);
@@ -337,14 +340,13 @@ pub fn warp(
         ssm.curvature_into(kind, &weights, gradient, hessian, &mut h);
         // The image along an increment: what each kind is the derivative of. The approximate kind sees the template
         // carried along by the present warp.
-        let zero = vec![0.0; s];
         let (start, how) = match kind {
             JacobianKind::Template if !composes => (&zero, Increment::Additive),
             JacobianKind::Template => (&zero, Increment::Compositional),
             JacobianKind::Warped => (&p, Increment::Compositional),
             JacobianKind::Additive | JacobianKind::Approximate => (&p, Increment::Additive),
         };
-        let back = (kind == JacobianKind::Approximate)
+        let carried = (kind == JacobianKind::Approximate)
             .then(|| homography::from_corners(&ssm.corners(), &base))
             .flatten();
         let mut image = |delta: &[(usize, f64)]| -> Result<Vec<f64>, TrackError> {
@@ -354,7 +356,7 @@ pub fn warp(
             moving.update(how, &step)?;
             let value = |i: usize| {
                 let u = moving.point(i);
-                waves.at(back.map_or(u, |b| homography::apply(&b, u)))
+                waves.at(carried.map_or(u, |m| homography::apply(&m, u)))
             };
             Ok((0..n).map(value).collect())
         };

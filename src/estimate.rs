@@ -3,7 +3,7 @@
 //! The consensus loop knows no warp: a [`PointModel`] solves for matrices from samples and from inliers. RANSAC scores
 //! samples by the truncated squared error (MSAC, Torr & Zisserman 2000), optimises each new best one on its inliers (LO,
 //! Chum, Matas & Kittler 2003) and stops when a better one is unlikely. All methods end alike: the noise is estimated
-//! from the inliers' median error, pairs beyond three standard deviations are dropped, and the warp of least
+//! from the inliers' median error, pairs beyond four and a half standard deviations are dropped, and the warp of least
 //! reprojection error of the rest is found. Draws come from a seeded stream. May depend on `geom`, `params` and `tracker`.
 
 use crate::geom::Mat3;
@@ -93,8 +93,8 @@ const MAX_SAMPLE: usize = 16;
 const LOCAL: (usize, usize) = (4, 2);
 /// Rounds of the final estimate of noise and warp.
 const POLISH: usize = 5;
-/// Squared distance, in variances of one coordinate, that 99 % of normal errors stay below.
-const CUT: f64 = 9.21;
+/// Squared distance, in variances of one coordinate, that all but four in 100 000 normal errors stay below.
+const CUT: f64 = 20.25;
 /// Median of the squared distance of normal errors, in variances of one coordinate.
 const MEDIAN: f64 = 2.0 * std::f64::consts::LN_2;
 /// Pairs scored between looks at the best score so far.

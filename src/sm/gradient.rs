@@ -100,6 +100,15 @@ impl<A: AppearanceModel, S: StateSpaceModel> Kit<'_, A, S> {
         }
     }
 
+    /// Recomputes the template's Jacobian and self Hessian at the present state, for warps that are no group: theirs
+    /// change with it.
+    pub fn follow_template(&mut self, j0: &mut Jacobian, initial: &mut SymMatrix) {
+        if !self.ssm.capabilities().group {
+            self.template_jacobian(JacobianKind::Template, j0);
+            self.am.self_hessian_into(Side::Template, j0, initial);
+        }
+    }
+
     /// Computes the Jacobian of the current image gradients (or of the template's, for kinds made of those).
     pub fn compute_jacobian(&mut self, kind: JacobianKind) {
         let mut j = std::mem::take(&mut self.buffers.j);

@@ -1,8 +1,9 @@
 //! Anisotropic scale, rotation-like and translation: `p = (tx, ty, a, b, c)`, `M = [1+a -b tx; b 1+c ty; 0 0 1]`.
 //!
-//! Not a group: the product of two such matrices generally has `m01 != -m10`. The state of a matrix is that of its
-//! projection, which keeps `m02, m12, m00, m10, m11`; additive methods are exact, compositional ones follow the
-//! derivative of the projected product, and the inverse is approximate.
+//! Not a group: the product of two such matrices generally has `m01 != -m10`. The state of a matrix is that of the
+//! nearest member in the Frobenius norm, which keeps `m02, m12, m00, m11` and takes `b = (m10 - m01)/2`. Additive methods
+//! and forward steps are exact, inverse ones approximate. (The original goes on with the unprojected product, which is no
+//! member of the family: its figures for compositional methods are those of another warp.)
 
 use super::projective::ProjectiveModel;
 use crate::geom::Mat3;
@@ -29,7 +30,13 @@ impl ProjectiveModel for AsrtModel {
         Mat3::new(1.0 + p[2], -p[3], p[0], p[3], 1.0 + p[4], p[1], 0.0, 0.0, 1.0)
     }
     fn state(&self, m: &Mat3, p: &mut [f64]) -> Option<()> {
-        p.copy_from_slice(&[m[(0, 2)], m[(1, 2)], m[(0, 0)] - 1.0, m[(1, 0)], m[(1, 1)] - 1.0]);
+        p.copy_from_slice(&[
+            m[(0, 2)],
+            m[(1, 2)],
+            m[(0, 0)] - 1.0,
+            (m[(1, 0)] - m[(0, 1)]) / 2.0,
+            m[(1, 1)] - 1.0,
+        ]);
         Some(())
     }
     fn derivative(&self, _: &[f64], k: usize) -> Mat3 {

@@ -138,9 +138,11 @@ pub enum Increment {
 /// Which product of image gradient and warp Jacobian (paper, table of SSM functions).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JacobianKind {
-    /// `g0 · w_p(x0; 0)`: gradient of the template in the base frame.
+    /// `g0 · w_p(x0; 0)`: gradient of the template in the base frame. For warps that are no group, the template's side of
+    /// the warped kind, `g0 · w_x(x0; p)⁻¹ · dw/dΔ`, which changes with the state.
     Template,
-    /// `g · w_x(x0; p) · w_p(x0; 0)`: image gradient at the current points, compositional.
+    /// `g · w_x(x0; p) · w_p(x0; 0)`: image gradient at the current points, compositional. For warps that are no group,
+    /// `g · dw/dΔ` of the projected composition.
     Warped,
     /// `g · w_p(x0; p)`: image gradient at the current points, additive.
     Additive,

@@ -47,6 +47,8 @@ pub trait ProjectiveModel: Clone + Default + Send + 'static {
     fn matrix(&self, p: &[f64]) -> Mat3;
     /// State of a matrix of the model's family; `None` when it has none.
     fn state(&self, m: &Mat3, p: &mut [f64]) -> Option<()>;
+    /// Replaces a state by another of the same warp, where that is a better one to differentiate at.
+    fn canonical(&self, _p: &mut [f64]) {}
     /// `dM/dp_k`.
     fn derivative(&self, p: &[f64], k: usize) -> Mat3;
     /// All S derivatives of `M`, for models that share work between them.
@@ -179,12 +181,11 @@ impl<W: ProjectiveModel> Projective<W> {
         })
     }
 
-    /// `dM/dΔ_k` of the projected product `M(p) M(Δ)` at 0, for a family that is no group.
+    /// `dM/dΔ_k` of the projected product `M(p) M(Δ)` at `Δ = 0`, for a family that is no group.
     fn projected_products(&self) -> [Mat3; MAX_DOF] {
         let at_zero = Derivatives::new(&self.model, &[0.0; MAX_DOF][..W::DOF]);
         let here = Derivatives::new(&self.model, self.state());
-        let zero = [0.0; MAX_DOF];
-        let (mut origin, mut moved) = (zero, zero);
+        let (mut origin, mut moved) = ([0.0; MAX_DOF], [0.0; MAX_DOF]);
         // The projection is affine in the matrix, so differences of it are exact.
         let _ = self.model.state(&self.matrix, &mut origin[..W::DOF]);
         std::array::from_fn(|k| {
@@ -270,6 +271,7 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
                 for (p, d) in p.iter_mut().zip(delta) {
                     *p += d;
                 }
+                self.model.canonical(&mut p[..W::DOF]);
             }
             Increment::Compositional | Increment::InverseCompositional => {
                 if delta.iter().any(|v| !v.is_finite()) {
@@ -419,11 +421,11 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
         let identity = Mat3::identity();
         let m = &self.matrix;
         let matrix = match kind {
-            JacobianKind::Template | JacobianKind::Additive => identity,
             JacobianKind::Warped if W::GROUP => *m,
-            JacobianKind::Warped => identity,
             // A state is only accepted when its region has positive area, so M has an inverse.
             JacobianKind::Approximate => m.try_inverse().unwrap_or(identity),
+            JacobianKind::Template if !W::GROUP => m.try_inverse().unwrap_or(identity),
+            JacobianKind::Template | JacobianKind::Additive | JacobianKind::Warped => identity,
         };
         let (px, py, centre, scale, denominator) = if kind.of_template() {
             (&self.frame.x[..], &self.frame.y[..], [0.0; 2], 1.0, None)
@@ -449,7 +451,9 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
             denominator,
         };
         let columns = match kind {
-            JacobianKind::Warped if !W::GROUP => Self::columns(&self.projected_products()),
+            JacobianKind::Template | JacobianKind::Warped if !W::GROUP => {
+                Self::columns(&self.projected_products())
+            }
             JacobianKind::Template | JacobianKind::Warped => self.identity_columns,
             JacobianKind::Additive | JacobianKind::Approximate => {
                 let mut first = [Mat3::zeros(); MAX_DOF];
@@ -468,20 +472,24 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
         hessian: ImageHessian<'_>,
         h: &mut SymMatrix,
     ) {
-        let zero = [0.0; MAX_DOF];
-        // A projected product is linear in the increment: its second derivatives are those of the additive kind.
-        let projected = kind == JacobianKind::Warped && !W::GROUP;
+        let (zero, asked) = ([0.0; MAX_DOF], kind);
         let at = match kind {
-            JacobianKind::Template | JacobianKind::Warped if !projected => &zero[..W::DOF],
+            JacobianKind::Template | JacobianKind::Warped if W::GROUP => &zero[..W::DOF],
             _ => self.state(),
         };
         let mut d = Derivatives::new(&self.model, at);
-        if projected {
+        // A projected product is linear in the increment: its second derivatives are those of the additive kinds.
+        let kind = match kind {
+            JacobianKind::Template if !W::GROUP => JacobianKind::Approximate,
+            JacobianKind::Warped if !W::GROUP => JacobianKind::Additive,
+            kind => kind,
+        };
+        if let (JacobianKind::Template | JacobianKind::Warped, false) = (asked, W::GROUP) {
             d.first = self.projected_products();
         }
         let second: [[Option<Mat3>; MAX_DOF]; MAX_DOF] = std::array::from_fn(|k| {
             std::array::from_fn(|l| {
-                (k.max(l) < W::DOF && !projected)
+                (k.max(l) < W::DOF)
                     .then(|| self.model.second_derivative(at, k, l))
                     .flatten()
             })
@@ -499,7 +507,6 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
             let (wx, omega) = homography::spatial_derivatives(&self.matrix, x0);
             match kind {
                 JacobianKind::Template | JacobianKind::Additive => {}
-                JacobianKind::Warped if projected => {}
                 JacobianKind::Warped => {
                     q = wx.transpose() * q * wx + omega[0] * g[0] + omega[1] * g[1];
                     g = wx.transpose() * g;
