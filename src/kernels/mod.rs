@@ -20,7 +20,7 @@ pub use lanes::Avx2;
 pub(crate) use lanes::dispatch;
 pub use lanes::{Lanes, Portable, SimdLevel, WIDTH, simd_level};
 pub use normal::{Jacobian, normal_equations, project};
-pub use reduce::{combine, dot, rescale, squared_distance, subtract, subtract_from, sum};
+pub use reduce::{add_scaled, combine, dot, rescale, squared_distance, subtract, subtract_from, sum};
 pub use sample::{Border, Grid2, image_hessian, sample, sample_gradient, sample_reference};
 pub use steepest::{Column, Covectors, steepest, steepest_reference};
 pub use warp::warp_projective;
