@@ -362,7 +362,7 @@ pub fn warp(
             tolerance: 1e-5,
         });
         // Fourth-order differences, so that rounding and truncation both stay below the single-precision kernels.
-        let e = 2e-3;
+        let e = 0.1 / ssm.radius();
         let weighted = |v: Vec<f64>| {
             v.iter()
                 .zip(&weights)
@@ -590,6 +590,17 @@ pub struct SweepRow {
     pub hessian_initial: f64,
     /// Second central difference of `f`.
     pub hessian_numeric: f64,
+}
+
+/// Patch of `image` under the regular grid of `corners`.
+pub fn patch(image: &Image, corners: &Corners, res: Resolution) -> Result<Vec<f32>, DiagnoseError> {
+    let mut ssm = crate::ssm::Homography::new();
+    ssm.init(corners, res).map_err(failed("region"))?;
+    let n = res.len();
+    let [mut x, mut y, mut v] = std::array::from_fn(|_| vec![0.0; n]);
+    ssm.warp_into(&mut x, &mut y);
+    kernels::sample(plane(image), Border::Constant, &x, &y, &mut v);
+    Ok(v)
 }
 
 /// Shapes of the similarity and its derivatives along each parameter: `steps` values evenly spaced in `±range`

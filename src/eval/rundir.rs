@@ -60,7 +60,7 @@ pub enum RunError {
     #[error("no space left on the disk while writing {0}: nothing finished is lost, make room and run again")]
     DiskFull(PathBuf),
     /// A file cannot be read or written.
-    #[error("{path}: {source}", path = .path.display())]
+    #[error("cannot read or write {path}: {source}; choose another --out", path = .path.display())]
     Io {
         /// The file.
         path: PathBuf,
