@@ -150,6 +150,7 @@ fn window_lanes<V: Lanes>(window: &[[f32; 5]; SUPPORT], tau: &[f32], rows: &mut 
 }
 
 #[inline(always)]
+#[allow(clippy::too_many_arguments)]
 fn joint_lanes<V: Lanes, const VECS: usize>(
     left: &[[f32; 5]; SUPPORT],
     bucket: &[u32],

@@ -186,6 +186,7 @@ fn rejected<V: Lanes>([u0, u1]: [V; 2], [v0, v1]: [V; 2]) -> (V, V) {
 }
 
 #[inline(always)]
+#[allow(clippy::too_many_arguments)]
 fn alignment_gradient_lanes<V: Lanes>(
     ux: &[f32],
     uy: &[f32],
