@@ -380,14 +380,14 @@ impl<K: DivergenceKind> AppearanceModel for Divergence<K> {
         self.bin_factors(side);
         self.bucket_table(&hist::derivative(&SPLINE), 1);
         let own = self.own(side);
-        hist::bucket_polynomials::<0>(&own.bucket, &own.tau, &self.table, out);
+        hist::bucket_polynomials(&own.bucket, &own.tau, &self.table, out);
     }
     fn hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
         self.bin_factors(side);
         self.bucket_table(&hist::derivative(&hist::derivative(&SPLINE)), 2);
         let mut weights = std::mem::take(&mut self.weights);
         let own = self.own(side);
-        hist::bucket_polynomials::<0>(&own.bucket, &own.tau, &self.table, &mut weights);
+        hist::bucket_polynomials(&own.bucket, &own.tau, &self.table, &mut weights);
         self.outer_factors(side);
         self.outer_hessian(side, j, h);
         kernels::weighted_gram(j, &weights, &mut self.gram);

@@ -18,11 +18,13 @@
 //! # Centred gradients
 //!
 //! `df/dI` does not vanish at `I = T`: `f` grows with the entropy of `I`, so that its maximum over a warp is not at perfect
-//! alignment. By default a model therefore returns `df/dI(T, I) - df/dI(I, I)` for the current side and
-//! `df/dT(T, I) - df/dT(T, T)` for the template side, and for all Hessians of a side `-J' sym(d²f/dI dT) J` at the side's own
-//! patch twice: minus the derivative of these gradients at `I = T`. Steps are then exact at alignment for every search
-//! method; `f` is no merit function for them ([`AppearanceModel::similarity_is_merit`]). `centred=0` gives the derivatives of
-//! `f` itself.
+//! alignment. By default a model therefore subtracts from the gradient of a side the bias `b`, the same gradient with both
+//! patches equal to the side's own: `φ = df/dI(T, I) - w df/dI(I, I)`, and `φ0 = df/dT(T, I) - w df/dT(T, T)`. The weight
+//! `w = <df, b>/<b, b>`, at least 0, is 1 at `I = T` and falls as the patches have less in common; a constant 1 would, far from
+//! alignment, mostly lead away from texture. All Hessians of a side (self and standard) are `-J' sym(d²f/dI dT) J` at the
+//! side's own patch twice: minus the derivative of these gradients at `I = T`. Steps are then exact at alignment for every
+//! search method; `f` is no merit function for them ([`AppearanceModel::similarity_is_merit`]). `centred=0` gives the
+//! derivatives of `f` itself.
 //!
 //! Everything is accumulated as polynomials per bucket ([`kernels::hist`]); nothing grows with the square of `n`.
 
@@ -33,40 +35,43 @@ use super::{AmModel, AppearanceModel, Capabilities, Metric, PatchShape, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::hist::{self, SPLINE, SUPPORT, Window};
 use crate::kernels::{self, Jacobian};
-use crate::params::Assignment;
+use crate::params::{Assignment, Params};
 use crate::tracker::TrackError;
 use joint::{Joint, Pair, self_joint, window};
 use std::cell::RefCell;
 use sums::Work;
 
-crate::params! {
-    /// Parameters of joint histogram models.
-    pub struct InformationParams {
-        /// Histogram bins of each patch.
-        n_bins: usize = 10, in 4..=64;
-        /// Count added to every bin of the joint histogram before normalising.
-        pre_seed: f64 = 10.0, in 1e-3..=1e6;
-        /// Centred gradients, exact at alignment; 0: derivatives of the similarity itself.
-        centred: bool = true;
-        /// Likelihood exp(-alpha (f(T,T)/f - 1)²): alpha.
-        likelihood_alpha: f64 = 50.0, in 0.0..=1e6;
-    }
+/// Values of the parameters of a joint histogram model.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct InformationSettings {
+    /// Histogram bins of each patch.
+    pub bins: usize,
+    /// Count added to every bin of the joint histogram.
+    pub seed: f64,
+    /// Whether gradients are centred.
+    pub centred: bool,
+    /// Likelihood `exp(-alpha (f(T,T)/f - 1)²)`: alpha.
+    pub likelihood_alpha: f64,
 }
 
 /// What makes a measure of the joint histogram.
 pub trait Kind: Default + Send + 'static {
+    /// Its parameters.
+    type Params: Params;
     /// Name.
     const NAME: &'static str;
     /// One line.
     const SUMMARY: &'static str;
     /// `α` is the integral of the spline, which is 1 below its support, rather than the spline itself.
     const CUMULATIVE: bool;
+    /// Values of the parameters.
+    fn settings(params: &Self::Params) -> InformationSettings;
 }
 
 /// A measure of the joint histogram of two patches.
 #[derive(Clone, Debug, Default)]
 pub struct Information<K> {
-    params: InformationParams,
+    settings: InformationSettings,
     n: usize,
     pair: Pair<K>,
     /// Of the template with itself, and of the current patch with itself where `current_self_known`.
@@ -87,19 +92,26 @@ fn derivatives(window: Window) -> [Window; 3] {
     [window, first, hist::derivative(&first)]
 }
 
+/// `gradient -= w bias` with the weight that leaves least of it.
+fn remove(bias: &[f32], gradient: &mut [f32]) {
+    let size = kernels::dot(bias, bias);
+    let w = kernels::dot(gradient, bias).max(0.0) / size.max(f64::MIN_POSITIVE);
+    kernels::add_scaled(-w as f32, bias, gradient);
+}
+
 impl<K: Kind> Information<K> {
     /// Power sums that products of the windows need: seven powers, or six.
     const POWERS: usize = if K::CUMULATIVE { 7 } else { 6 };
 
     fn bins(&self) -> usize {
-        self.params.n_bins
+        self.settings.bins
     }
     /// Bins per gray level.
     fn slope(&self) -> f64 {
         (self.bins() - SUPPORT + 1) as f64 / 256.0
     }
     fn z(&self) -> f64 {
-        self.n as f64 + self.params.pre_seed * (self.bins() * self.bins()) as f64
+        self.n as f64 + self.settings.seed * (self.bins() * self.bins()) as f64
     }
 
     fn know_current_self(&mut self) {
@@ -108,7 +120,7 @@ impl<K: Kind> Information<K> {
             self_joint::<K>(
                 &self.pair.current,
                 self.n,
-                self.params.pre_seed,
+                self.settings.seed,
                 &mut self.current_self,
             );
             self.current_self_known = true;
@@ -161,7 +173,7 @@ impl<K: Kind> Information<K> {
         let work = &mut self.work;
         work.widen(j.cols(), Self::POWERS);
         work.bucket_table([left, right], scale, &joint.l);
-        hist::bucket_polynomials::<0>(&patch.bucket, &patch.tau, &work.table, &mut work.weights);
+        hist::bucket_polynomials(&patch.bucket, &patch.tau, &work.table, &mut work.weights);
         let run = if K::CUMULATIVE {
             hist::power_sums::<7>
         } else {
@@ -180,7 +192,7 @@ impl<K: Kind> Information<K> {
             Side::Template => &self.template_self,
             Side::Current => &self.current_self,
         };
-        let (work, bins) = (&mut self.work, self.params.n_bins);
+        let (work, bins) = (&mut self.work, self.settings.bins);
         work.expand_gamma(&a1, &SPLINE, Self::POWERS);
         work.expand_delta(&a, &b1, Self::POWERS, K::CUMULATIVE);
         work.start_outer(2 * bins * (bins + 1));
@@ -201,7 +213,7 @@ impl<K: Kind> Information<K> {
             Side::Template => &self.template_self,
             Side::Current => &self.current_self,
         };
-        let (work, bins) = (&mut self.work, self.params.n_bins);
+        let (work, bins) = (&mut self.work, self.settings.bins);
         work.expand_gamma(&a1, &SPLINE, Self::POWERS);
         work.start_outer(bins * (bins + 1));
         work.push_squares(false, &joint.c);
@@ -211,7 +223,7 @@ impl<K: Kind> Information<K> {
 
     /// `J' (d²f/dI²) J` or `J' (d²f/dT²) J`.
     fn plain_hessian(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
-        let (bins, n) = (self.params.n_bins, self.n);
+        let (bins, n) = (self.settings.bins, self.n);
         let scale = self.slope() * self.slope() / self.z();
         let [a, a1, a2] = derivatives(window::<K>());
         let [_, b1, b2] = derivatives(SPLINE);
@@ -289,13 +301,13 @@ impl<K: Kind> Information<K> {
 }
 
 impl<K: Kind> AmModel for Information<K> {
-    type Params = InformationParams;
+    type Params = K::Params;
     const NAME: &'static str = K::NAME;
     const SUMMARY: &'static str = K::SUMMARY;
     const PLAIN: &'static [Assignment<'static>] = &[("centred", "0")];
-    fn new(params: InformationParams) -> Self {
+    fn new(params: K::Params) -> Self {
         Information {
-            params,
+            settings: K::settings(&params),
             ..Self::default()
         }
     }
@@ -310,7 +322,7 @@ impl<K: Kind> AppearanceModel for Information<K> {
         }
     }
     fn similarity_is_merit(&self) -> bool {
-        !self.params.centred
+        !self.settings.centred
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         let bins = self.bins();
@@ -323,7 +335,10 @@ impl<K: Kind> AppearanceModel for Information<K> {
         self.template_self.clone_from(&self.pair.joint);
         self.f_max = self.pair.joint.f;
         if !self.f_max.is_finite() {
-            return Err(TrackError::NotFinite("similarity of the template with itself"));
+            return Err(TrackError::NotFinite("template"));
+        }
+        if self.f_max <= 0.0 {
+            return Err(TrackError::Template("says nothing about itself"));
         }
         let mut gradient = std::mem::take(&mut self.template_gradient);
         gradient.resize(self.n, 0.0);
@@ -332,7 +347,7 @@ impl<K: Kind> AppearanceModel for Information<K> {
         Ok(())
     }
     fn set_current(&mut self, patch: &[f32]) {
-        self.pair.set_current(patch, self.params.pre_seed);
+        self.pair.set_current(patch, self.settings.seed);
         self.current_self_known = false;
     }
     fn similarity(&self) -> f64 {
@@ -340,32 +355,31 @@ impl<K: Kind> AppearanceModel for Information<K> {
     }
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         self.plain_gradient(side, out);
-        if !self.params.centred {
+        if !self.settings.centred {
             return;
         }
         match side {
-            Side::Template => {
-                kernels::subtract_from(out, &self.template_gradient);
-            }
+            Side::Template => remove(&self.template_gradient, out),
             Side::Current => {
                 self.know_current_self();
                 let left = hist::derivative(&window::<K>());
-                let scale = -self.slope() / self.z();
+                let scale = self.slope() / self.z();
                 let (patch, work) = (&self.pair.current, &mut self.work);
                 work.bucket_table([&left, &SPLINE], scale, &self.current_self.l);
-                hist::bucket_polynomials::<1>(&patch.bucket, &patch.tau, &work.table, out);
+                hist::bucket_polynomials(&patch.bucket, &patch.tau, &work.table, &mut work.weights);
+                remove(&work.weights, out);
             }
         }
     }
     fn hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
-        if self.params.centred {
+        if self.settings.centred {
             self.mixed_hessian(side, j, h);
         } else {
             self.plain_hessian(side, j, h);
         }
     }
     fn self_hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
-        if self.params.centred {
+        if self.settings.centred {
             self.mixed_hessian(side, j, h);
         } else {
             self.plain_self_hessian(side, j, h);
@@ -374,7 +388,7 @@ impl<K: Kind> AppearanceModel for Information<K> {
     fn likelihood(&self) -> f64 {
         // A measure near zero shares nothing with the template.
         let ratio = self.f_max / self.pair.joint.f.max(1e-3 * self.f_max);
-        libm::exp(-self.params.likelihood_alpha * (ratio - 1.0).powi(2))
+        libm::exp(-self.settings.likelihood_alpha * (ratio - 1.0).powi(2))
     }
     fn feature_len(&self) -> usize {
         self.n
@@ -387,11 +401,11 @@ impl<K: Kind> AppearanceModel for Information<K> {
         let mut pair = self.other.borrow_mut();
         pair.resize(query.len(), self.bins());
         pair.set_template(stored);
-        pair.set_current(query, self.params.pre_seed);
+        pair.set_current(query, self.settings.seed);
         -pair.joint.f as f32
     }
     fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
-        let (bins, seed) = (self.bins(), self.params.pre_seed);
+        let (bins, seed) = (self.bins(), self.settings.seed);
         let mut joint = Joint::default();
         joint.resize(bins);
         for (&t, &i) in template.iter().zip(current) {
@@ -417,5 +431,77 @@ impl<K: Kind> AppearanceModel for Information<K> {
     fn memory(&self) -> usize {
         let histograms = 5 * 16 * self.bins() * self.bins();
         52 * self.n + histograms + self.work.memory()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::am::{AMS, AppearanceModel, PatchShape, Side};
+    use crate::geom::solve::SymMatrix;
+    use crate::kernels::Jacobian;
+    use crate::params::Resolution;
+
+    const SHAPE: PatchShape = PatchShape {
+        res: Resolution { cols: 20, rows: 17 },
+        channels: 1,
+    };
+
+    fn patch(shift: f64) -> Vec<f32> {
+        (0..SHAPE.len())
+            .map(|i| {
+                let (x, y) = ((i % 20) as f64 + shift, (i / 20) as f64);
+                (128.0 + 70.0 * (0.5 * x).sin() * (0.4 * y).cos() + 40.0 * (0.2 * x - 0.3 * y).sin()) as f32
+            })
+            .collect()
+    }
+
+    fn model(name: &str, bins: &str) -> Box<dyn AppearanceModel> {
+        let entry = AMS.iter().find(|e| e.name == name).unwrap();
+        let mut m = (entry.build)(&[("n_bins", bins)]).unwrap();
+        m.set_template(SHAPE, &patch(0.0)).unwrap();
+        m
+    }
+
+    #[test]
+    fn mutual_information_does_not_see_an_inversion() {
+        let mut m = model("mi", "10");
+        let current = patch(1.3);
+        m.set_current(&current);
+        let f = m.similarity();
+        // Bins are spread evenly over 0 to 256.
+        let inverted: Vec<f32> = current.iter().map(|v| 256.0 - v).collect();
+        m.set_current(&inverted);
+        assert!((m.similarity() - f).abs() < 1e-5 * f);
+    }
+
+    #[test]
+    fn any_number_of_bins_and_parameters() {
+        for (name, bins) in [("mi", "4"), ("mi", "64"), ("ccre", "4"), ("ccre", "64")] {
+            let mut m = model(name, bins);
+            m.set_current(&patch(0.7));
+            let mut wide = Jacobian::new(SHAPE.len(), 11);
+            let mut narrow = Jacobian::new(SHAPE.len(), 3);
+            for k in 0..11 {
+                let column: Vec<f32> = (0..SHAPE.len())
+                    .map(|i| ((i * (k + 3)) % 17) as f32 - 8.0)
+                    .collect();
+                wide.col_mut(k).copy_from_slice(&column);
+                if k < 3 {
+                    narrow.col_mut(k).copy_from_slice(&column);
+                }
+            }
+            let (mut a, mut b) = (SymMatrix::new(11), SymMatrix::new(3));
+            for side in [Side::Template, Side::Current] {
+                m.self_hessian_into(side, &wide, &mut a);
+                m.self_hessian_into(side, &narrow, &mut b);
+                for (r, c) in (0..3).flat_map(|r| (0..3).map(move |c| (r, c))) {
+                    assert!(
+                        (a.get(r, c) - b.get(r, c)).abs() <= 1e-5 * b.get(r, r).abs(),
+                        "{name} {bins}"
+                    );
+                }
+                assert!((0..11).all(|k| a.get(k, k) < 0.0), "{name} {bins}");
+            }
+        }
     }
 }

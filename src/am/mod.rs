@@ -39,12 +39,12 @@ mod sum;
 mod tone;
 mod zncc;
 
-pub use ccre::{Ccre, CrossCumulative};
+pub use ccre::{Ccre, CcreParams, CrossCumulative};
 pub use divergence::{Divergence, DivergenceKind, DivergenceSettings};
-pub use information::{Information, InformationParams, Kind as InformationKind};
+pub use information::{Information, InformationSettings, Kind as InformationKind};
 pub use kld::{Kld, KldParams, Whole};
 pub use lkld::{Lkld, LkldParams, Localised};
-pub use mi::{Mi, Mutual};
+pub use mi::{Mi, MiParams, Mutual};
 pub use ncc::Ncc;
 pub use ngf::{Ngf, NgfParams};
 pub use nssd::Nssd;

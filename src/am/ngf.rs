@@ -9,8 +9,9 @@
 //! `m = ((1 - 4ρ + 2ρ²) u u' + ρ Id)/|g|² = (2 (1 - ρ)² u u' + u⊥ u⊥')/|g|²`, which is positive semi-definite.
 //!
 //! `df/dI` does not vanish at `I = T`, because `|g|_η` rewards stronger gradients; the self Hessian is indefinite. As in
-//! [`super::information`], gradients are centred by default and all Hessians of a side are `-J' (d²f/dI dT) J` at the side's
-//! own patch twice. Exact on sharp images; the basin is a few sampling steps.
+//! [`super::information`], gradients are centred by default, the weight of the bias taken over the fields `r d`, and all
+//! Hessians of a side are `-J' (d²f/dI dT) J` at the side's own patch twice. Exact on sharp images; the basin is a few
+//! sampling steps.
 
 use super::{AmModel, AppearanceModel, Capabilities, Metric, PatchShape, Side};
 use crate::geom::solve::SymMatrix;
@@ -219,12 +220,14 @@ impl AppearanceModel for Ngf {
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         let (mut qx, mut qy) = (std::mem::take(&mut self.qx), std::mem::take(&mut self.qy));
         let (own, other) = self.fields(side);
-        let run = if self.params.centred {
-            stencil::alignment_gradient::<1>
+        let (x, y, inverse) = (&own.x, &own.y, &own.inverse);
+        let w = if self.params.centred {
+            let [both, size] = stencil::alignment_bias(x, y, inverse, &other.x, &other.y);
+            both.max(0.0) / size.max(f64::MIN_POSITIVE)
         } else {
-            stencil::alignment_gradient::<0>
+            0.0
         };
-        run(&own.x, &own.y, &own.inverse, &other.x, &other.y, &mut qx, &mut qy);
+        stencil::alignment_gradient(x, y, inverse, &other.x, &other.y, w as f32, &mut qx, &mut qy);
         let Resolution { cols, rows } = self.res();
         patch_gradient_adjoint(&qx, &qy, cols, rows, out);
         (self.qx, self.qy) = (qx, qy);

@@ -28,7 +28,7 @@ pub use pixelwise::{
     absolute_distance, affine_product, ratio_variation, reciprocal, spss_curvature, spss_distance,
     spss_gradient, spss_losses, spss_self, weighted_difference,
 };
-pub use reduce::{combine, dot, rescale, squared_distance, subtract, subtract_from, sum};
+pub use reduce::{add_scaled, combine, dot, rescale, squared_distance, subtract, subtract_from, sum};
 pub use sample::{Border, Grid2, image_hessian, sample, sample_gradient, sample_reference};
 pub use steepest::{Column, Covectors, steepest, steepest_reference};
 pub use tone::{

@@ -14,11 +14,13 @@ dispatch! {
     pub fn normalise_field(gx: &mut [f32], gy: &mut [f32], eta: f32, inverse: &mut [f32]) = normalise_lanes;
     /// `Σ (u_i · v_i)²`.
     pub fn squared_alignment(ux: &[f32], uy: &[f32], vx: &[f32], vy: &[f32]) -> f64 = alignment_lanes;
-    /// `q = r (v - r u) / |g|_η` with `r = u · v`; `u` a normalised field, `inverse` its `1/|g|_η`. With `CENTRED` 1 less the
-    /// same at `v = u`.
-    pub fn alignment_gradient<const CENTRED: usize>(
-        ux: &[f32], uy: &[f32], inverse: &[f32], vx: &[f32], vy: &[f32], qx: &mut [f32], qy: &mut [f32],
+    /// `q = (r (v - r u) - w s) / |g|_η` with `r = u · v` and `s` the same as the first term at `v = u`; `u` a normalised field,
+    /// `inverse` its `1/|g|_η`.
+    pub fn alignment_gradient(
+        ux: &[f32], uy: &[f32], inverse: &[f32], vx: &[f32], vy: &[f32], w: f32, qx: &mut [f32], qy: &mut [f32],
     ) = alignment_gradient_lanes;
+    /// With the terms of [`alignment_gradient`]: `Σ q · s/|g|_η²` for `w = 0`, and `Σ s²/|g|_η²`.
+    pub fn alignment_bias(ux: &[f32], uy: &[f32], inverse: &[f32], vx: &[f32], vy: &[f32]) -> [f64; 2] = alignment_bias_lanes;
     /// Directions `a`, `b` for [`combine_rows`] such that the Gram matrix of its result is `Σ [Dx J; Dy J]_i' m_i [Dx J; Dy J]_i`,
     /// `m` the mixed second derivative of `½ Σ (u · v)²` at `v = u`: `a = √2 (1 - u²) u/|g|`, `b = u⊥/|g|`.
     pub fn field_axes(ux: &[f32], uy: &[f32], inverse: &[f32], axes: &mut [Vec<f32>; 4]) = field_axes_lanes;
@@ -184,32 +186,63 @@ fn rejected<V: Lanes>([u0, u1]: [V; 2], [v0, v1]: [V; 2]) -> (V, V) {
 }
 
 #[inline(always)]
-fn alignment_gradient_lanes<V: Lanes, const CENTRED: usize>(
+#[allow(clippy::too_many_arguments)]
+fn alignment_gradient_lanes<V: Lanes>(
     ux: &[f32],
     uy: &[f32],
     inverse: &[f32],
     vx: &[f32],
     vy: &[f32],
+    w: f32,
     qx: &mut [f32],
     qy: &mut [f32],
 ) {
     let n = ux.len();
     let (uy, inverse, vx, vy) = (&uy[..n], &inverse[..n], &vx[..n], &vy[..n]);
     let (qx, qy) = (&mut qx[..n], &mut qy[..n]);
+    let minus = V::splat(-w);
     let mut i = 0;
     while i < n {
-        let (u0, u1) = (V::load_at(ux, i), V::load_at(uy, i));
-        let (v0, v1) = (V::load_at(vx, i), V::load_at(vy, i));
-        let (mut q0, mut q1) = rejected([u0, u1], [v0, v1]);
-        if CENTRED == 1 {
-            let (s0, s1) = rejected([u0, u1], [u0, u1]);
-            (q0, q1) = (q0.sub(s0), q1.sub(s1));
-        }
+        let u = [V::load_at(ux, i), V::load_at(uy, i)];
+        let (q0, q1) = rejected(u, [V::load_at(vx, i), V::load_at(vy, i)]);
+        let (s0, s1) = rejected(u, u);
         let k = V::load_at(inverse, i);
-        q0.mul(k).store_at(qx, i);
-        q1.mul(k).store_at(qy, i);
+        s0.mul_add(minus, q0).mul(k).store_at(qx, i);
+        s1.mul_add(minus, q1).mul(k).store_at(qy, i);
         i += WIDTH;
     }
+}
+
+#[inline(always)]
+fn alignment_bias_lanes<V: Lanes>(
+    ux: &[f32],
+    uy: &[f32],
+    inverse: &[f32],
+    vx: &[f32],
+    vy: &[f32],
+) -> [f64; 2] {
+    let n = ux.len();
+    let (uy, inverse, vx, vy) = (&uy[..n], &inverse[..n], &vx[..n], &vy[..n]);
+    let mut total = [0.0; 2];
+    let mut start = 0;
+    while start < n {
+        let end = (start + BLOCK).min(n);
+        let (mut qs, mut ss) = (V::splat(0.0), V::splat(0.0));
+        let mut i = start;
+        while i < end {
+            let u = [V::load_at(ux, i), V::load_at(uy, i)];
+            let (q0, q1) = rejected(u, [V::load_at(vx, i), V::load_at(vy, i)]);
+            let (s0, s1) = rejected(u, u);
+            let k = V::load_at(inverse, i);
+            let (k0, k1) = (s0.mul(k).mul(k), s1.mul(k).mul(k));
+            qs = q0.mul_add(k0, q1.mul_add(k1, qs));
+            ss = s0.mul_add(k0, s1.mul_add(k1, ss));
+            i += WIDTH;
+        }
+        total = [total[0] + qs.sum(), total[1] + ss.sum()];
+        start = end;
+    }
+    total
 }
 
 #[inline(always)]
@@ -320,9 +353,16 @@ mod tests {
             }
             let sum: f64 = (0..n).map(|i| f64::from(gx[i] * qx[i] + gy[i] * qy[i]).powi(2)).sum();
             prop_assert!((squared_alignment(&gx, &gy, &qx, &qy) - sum).abs() < 1e-5 * (1.0 + sum));
-            alignment_gradient::<1>(&gx, &gy, &inverse, &gx, &gy, &mut px, &mut py);
+            let [same, size] = alignment_bias(&gx, &gy, &inverse, &gx, &gy);
+            prop_assert_eq!(same, size);
+            alignment_gradient(&gx, &gy, &inverse, &gx, &gy, 1.0, &mut px, &mut py);
             prop_assert!(px.iter().chain(&py).all(|&v| v == 0.0));
-            alignment_gradient::<0>(&gx, &gy, &inverse, &qx, &qy, &mut px, &mut py);
+            let (mut bx, mut by) = (vec![0.0; n], vec![0.0; n]);
+            alignment_gradient(&gx, &gy, &inverse, &gx, &gy, 0.0, &mut bx, &mut by);
+            alignment_gradient(&gx, &gy, &inverse, &qx, &qy, 0.0, &mut px, &mut py);
+            let [both, own] = alignment_bias(&gx, &gy, &inverse, &qx, &qy);
+            prop_assert!((both - dot(&px, &bx) - dot(&py, &by)).abs() < 1e-5 * (1.0 + n as f64));
+            prop_assert!((own - dot(&bx, &bx) - dot(&by, &by)).abs() < 1e-5 * (1.0 + own));
             for i in 0..n {
                 let r = gx[i] * qx[i] + gy[i] * qy[i];
                 prop_assert!((px[i] - r * (qx[i] - r * gx[i]) * inverse[i]).abs() < 1e-4);

@@ -340,12 +340,12 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         Ok(())
     }
 
-    /// Solves for the step with damping `lambda` and applies it; true when it moved the corners less than epsilon.
-    fn step(&mut self, image: &Image, lambda: f64, work: &mut [f64]) -> Result<bool, TrackError> {
+    /// Solves for the step with damping `lambda` and applies it `gain` times; true when it moved the corners less than epsilon.
+    fn step(&mut self, image: &Image, lambda: f64, gain: f64, work: &mut [f64]) -> Result<bool, TrackError> {
         if self.normal.gradient.iter().any(|g| !g.is_finite()) {
             return Err(TrackError::NotFinite("gradient"));
         }
-        // `Δ = -H⁻¹ Jᵀ`.
+        // `Δ = -gain H⁻¹ Jᵀ`.
         if !solve_negative(
             &self.normal.hessian,
             lambda,
@@ -355,7 +355,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         ) {
             return Err(TrackError::Singular);
         }
-        self.delta.iter_mut().for_each(|d| *d = -*d);
+        self.delta.iter_mut().for_each(|d| *d *= -gain);
         let before = self.ssm.corners();
         let state = self
             .ssm
@@ -385,7 +385,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         self.linearise(image, ws);
         let Normal { gradient, hessian } = &self.normal;
         if solve_negative(hessian, 0.0, gradient, &mut self.delta, &mut ws.work) {
-            gradient.iter().zip(&self.delta).map(|(g, x)| g * x).sum()
+            dot(gradient, &self.delta)
         } else {
             f64::NEG_INFINITY
         }
@@ -395,6 +395,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         let gradient = M::reads_gradient(self.hess()) || self.params.second_order;
         let lm = self.params.leven_marq;
         let climbs = self.am.similarity_is_merit();
+        let mut relaxation = Relaxation::default();
         let mut lambda = if lm { self.params.lm_init } else { 0.0 };
         let mut best = f64::NEG_INFINITY;
         let mut stop = Stop::MaxIterations;
@@ -425,7 +426,12 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
                     self.accepted_normal.copy_from(&self.normal);
                 }
             }
-            if self.step(image, lambda, &mut ws.work)? {
+            if !climbs && !lm && iterations > 1 {
+                relaxation.adapt(dot(&self.normal.gradient, &self.delta));
+            }
+            let converged = self.step(image, lambda, relaxation.gain, &mut ws.work)?;
+            relaxation.promise = dot(&self.normal.gradient, &self.delta);
+            if converged {
                 stop = Stop::Converged;
                 break;
             }
@@ -447,6 +453,47 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         self.sampling.sample(image, b, gradient)?;
         self.am.set_current(&b.values);
         Ok(())
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Length of steps for models without a merit function, whose Hessian is that of perfect alignment: far from it, and under
+/// blur, the gradient changes less along a step than the Hessian says, sometimes more.
+///
+/// A step of `gain` times Newton's that leaves the share `s` of the slope along itself has met `(1 - s)/gain` of the curvature
+/// expected; the next step is as many times longer as that is too small (Aitken's relaxation), within bounds.
+struct Relaxation {
+    gain: f64,
+    /// Slope along the last step at its start.
+    promise: f64,
+}
+
+impl Default for Relaxation {
+    fn default() -> Self {
+        Relaxation {
+            gain: 1.0,
+            promise: 0.0,
+        }
+    }
+}
+
+impl Relaxation {
+    const GAIN: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+
+    /// Takes the slope that is left along the last step.
+    fn adapt(&mut self, slope: f64) {
+        let met = 1.0 - slope / self.promise;
+        let (low, high) = (*Self::GAIN.start(), *Self::GAIN.end());
+        self.gain = if met.is_nan() {
+            1.0
+        } else if met * high <= self.gain {
+            high
+        } else {
+            (self.gain / met).max(low)
+        };
     }
 }
 
