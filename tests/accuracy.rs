@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Appearance models held to the reference sequence by sequence.
-const FINISHED: &str = "ssd,zncc,ncc";
+const FINISHED: &str = "ssd,zncc,ncc,mi,ccre,ngf";
 
 /// The original's names of the warps.
 const SSM: [(&str, &str); 5] = [
