@@ -4,7 +4,8 @@
 //! The warp is linear in `p`, so `w_p` is the same at every state and additive methods are exact. Two such warps do not
 //! compose within the family, and it has no inverses: compositional methods are refused. `w_x = Id + Σ_j d_j ∇W_j` is
 //! exact, and with it the Jacobian of the inverse additive method. Where the image shows nothing, control points are held
-//! by a penalty on the bending of their net (second differences of `d`).
+//! by a penalty on the bending of their net (second differences of what `d` is beyond the motion of a plane), as far as
+//! the frame before did not show it already.
 
 use super::frame::BaseFrame;
 use super::{
@@ -52,8 +53,17 @@ pub trait Basis: Clone + Default + Send + 'static {
     fn control(&self) -> &[[f64; 2]];
     /// Weights of all control points at a place of the base frame.
     fn weights_into(&self, x: [f64; 2], out: &mut [Weight]);
-    /// Weight of the bending penalty relative to the mean diagonal of the data's normal equations.
-    fn penalty(&self) -> f64;
+    /// How bending is held back.
+    fn penalty(&self) -> BendPenalty;
+}
+
+/// Penalty on unexpected bending of the net from one frame to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BendPenalty {
+    /// Weight relative to the mean diagonal of the data's normal equations.
+    pub weight: f64,
+    /// Fraction of a frame's bend that is expected in the next one.
+    pub memory: f64,
 }
 
 /// Weights of one control point on the stretch of the grid where they are not zero.
@@ -98,6 +108,10 @@ pub struct FreeForm<B> {
     bending: SymMatrix,
     /// `w_x` (four numbers per point) and gradients carried through it.
     scratch: RefCell<[Vec<f32>; 6]>,
+    /// Warped control points, and what of their displacement is beyond the motion of a plane.
+    bend: RefCell<(Vec<[f64; 2]>, Vec<[f64; 2]>)>,
+    /// The latter as expected for the present frame.
+    expected: Vec<[f64; 2]>,
 }
 
 /// Sums of squared second differences of a net: along rows, along columns, and twice the mixed ones.
@@ -159,6 +173,8 @@ impl PointModel for Plane {
 /// Rounds of a robust fit, and the distance of an inlier in standard deviations of its error.
 const ROUNDS: usize = 3;
 const INLIER: f64 = 3.0;
+/// Weight of the bending penalty in fits to point pairs.
+const FIT_PENALTY: f64 = 1e-3;
 const NO_FIT: TrackError = TrackError::BadRegion("points do not determine a state");
 
 impl<B: Basis> FreeForm<B> {
@@ -194,6 +210,7 @@ impl<B: Basis> FreeForm<B> {
             .for_each(|s| s.resize(points, 0.0));
         self.p = vec![0.0; 2 * n];
         self.next = Vec::with_capacity(2 * n);
+        self.expected = vec![[0.0; 2]; n];
         Ok(())
     }
 
@@ -277,7 +294,7 @@ impl<B: Basis> FreeForm<B> {
         }
         // A trace of a pull towards the plane's motion settles what neither data nor bending do.
         let pull = diagonal * 1e-9;
-        let bending = self.basis.penalty().max(1e-6) * diagonal;
+        let bending = FIT_PENALTY * diagonal;
         h.fill_from(|k, l, v| v - bending * self.bending.get(k, l) - if k == l { pull } else { 0.0 });
         let (mut d, mut work) = (vec![0.0; n], vec![0.0; n * n + n]);
         for c in 0..2 {
@@ -295,6 +312,21 @@ impl<B: Basis> FreeForm<B> {
             .zip(to)
             .map(|(a, b)| (frame.point_to_frame(*a), frame.point_to_frame(*b)))
             .collect()
+    }
+
+    /// Computes what the control points do beyond the motion of the plane that fits them best.
+    fn update_bend(&self) {
+        let (moved, bend) = &mut *self.bend.borrow_mut();
+        let control = self.basis.control();
+        moved.clear();
+        let at = control.iter().zip(self.p.chunks_exact(2));
+        moved.extend(at.map(|(c, d)| [c[0] + d[0], c[1] + d[1]]));
+        let plane = homography::from_points(control, moved).unwrap_or_else(Mat3::identity);
+        bend.clear();
+        bend.extend(control.iter().zip(moved.iter()).map(|(c, u)| {
+            let on_plane = homography::apply(&plane, *c);
+            [u[0] - on_plane[0], u[1] - on_plane[1]]
+        }));
     }
 
     /// `w_x` of every point into the scratch.
@@ -454,14 +486,25 @@ impl<B: Basis> StateSpaceModel for FreeForm<B> {
         moved * self.frame.radius * self.frame.radius * 8.0 / self.p.len().max(1) as f64
     }
 
+    fn begin_frame(&mut self) {
+        let memory = self.basis.penalty().memory;
+        self.update_bend();
+        let (_, bend) = &*self.bend.borrow();
+        self.expected.clear();
+        self.expected
+            .extend(bend.iter().map(|b| [memory * b[0], memory * b[1]]));
+    }
+
     fn regularise(&self, gradient: &mut [f64], hessian: &mut SymMatrix) {
-        let k = self.basis.penalty() * mean_diagonal(hessian);
+        let k = self.basis.penalty().weight * mean_diagonal(hessian);
         let n = self.bending.order();
+        self.update_bend();
+        let (_, bend) = &*self.bend.borrow();
         for a in 0..n {
-            for b in 0..n {
+            for (b, (bend, expected)) in bend.iter().zip(&self.expected).enumerate() {
                 let r = k * self.bending.get(a, b);
                 for c in 0..2 {
-                    gradient[2 * a + c] -= r * self.p[2 * b + c];
+                    gradient[2 * a + c] -= r * (bend[c] - expected[c]);
                     if b >= a {
                         let at = (2 * a + c, 2 * b + c);
                         hessian.set(at.0, at.1, hessian.get(at.0, at.1) - r);
