@@ -10,7 +10,7 @@ use crate::geom::solve::SymMatrix;
 use crate::geom::{Corners, homography};
 use crate::image::Image;
 use crate::kernels::{self, Border, Grid2, Jacobian, sample_reference};
-use crate::params::{ParamError, Resolution};
+use crate::params::{Assignment, ParamError, Resolution};
 use crate::ssm::{Gradient, ImageHessian, Increment, JacobianKind, Points, SsmEntry, StateSpaceModel};
 use crate::tracker::TrackError;
 use rand::{RngExt, SeedableRng};
@@ -95,14 +95,25 @@ pub struct PatchPair {
 }
 
 /// Derivatives of an appearance model with respect to pixel values, and its Hessians along `dof` random directions:
-/// the acceptance tests that hold for every differentiable model.
+/// the acceptance tests that hold for every differentiable model, built with its plain assignments.
 pub fn appearance(
     entry: &AmEntry,
     pair: &PatchPair,
     dof: usize,
     seed: u64,
 ) -> Result<Vec<Check>, DiagnoseError> {
-    let mut am = (entry.build)(&[])?;
+    appearance_with(entry, entry.plain, pair, dof, seed)
+}
+
+/// The same of a model with parameters that differ from the defaults.
+pub fn appearance_with(
+    entry: &AmEntry,
+    params: &[Assignment<'_>],
+    pair: &PatchPair,
+    dof: usize,
+    seed: u64,
+) -> Result<Vec<Check>, DiagnoseError> {
+    let mut am = (entry.build)(params)?;
     am.set_template(pair.shape, &pair.template)
         .map_err(failed(entry.name))?;
     am.set_current(&pair.current);
@@ -170,18 +181,21 @@ pub fn appearance(
             1e-6,
         );
 
-        let h = 1e-3;
+        // Fourth-order differences: truncation and rounding both stay below single precision.
         let hessian = |f: &dyn Fn(&[f64]) -> f64| {
             let mut out = SymMatrix::new(dof);
             out.fill(|a, b| {
-                let at = |sa: f64, sb: f64| f(&moved(&[(a, sa * h), (b, sb * h)]));
-                (at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0)) / (4.0 * h * h)
+                let cross = |h: f64| {
+                    let at = |sa: f64, sb: f64| f(&moved(&[(a, sa * h), (b, sb * h)]));
+                    (at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0)) / (4.0 * h * h)
+                };
+                (4.0 * cross(1e-3) - cross(2e-3)) / 3.0
             });
             out
         };
         let standard = hessian(&|x| of_patch(&*am, x));
         // The self Hessian is that of a model whose template is this patch.
-        let mut equal = (entry.build)(&[])?;
+        let mut equal = (entry.build)(params)?;
         equal.set_template(pair.shape, own).map_err(failed(entry.name))?;
         equal.set_current(own);
         let own_hessian = hessian(&|x| equal.reference(&own_wide, x));
@@ -366,7 +380,7 @@ pub fn warp(
             tolerance: 1e-5,
         });
         // Fourth-order differences, so that rounding and truncation both stay below the single-precision kernels.
-        let e = 2e-3;
+        let e = 0.1 / ssm.radius();
         let weighted = |v: Vec<f64>| {
             v.iter()
                 .zip(&weights)
@@ -418,6 +432,7 @@ fn plane(image: &Image) -> Grid2<'_> {
 impl<'a> Chain<'a> {
     fn new(
         am: &AmEntry,
+        assignments: &[Assignment<'_>],
         ssm: &SsmEntry,
         images: [&'a Image; 2],
         corners: &Corners,
@@ -426,7 +441,7 @@ impl<'a> Chain<'a> {
         let error = failed(am.name);
         let shape = PatchShape { res, channels: 1 };
         let n = shape.len();
-        let (mut am, mut ssm) = ((am.build)(&[])?, (ssm.build)(&[])?);
+        let (mut am, mut ssm) = ((am.build)(assignments)?, (ssm.build)(&[])?);
         ssm.init(corners, res).map_err(&error)?;
         let (mut x, mut y) = (vec![0.0; n], vec![0.0; n]);
         let [mut template, mut gx, mut gy] = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
@@ -467,6 +482,7 @@ impl<'a> Chain<'a> {
             &mut gx,
             &mut gy,
         );
+        self.am.begin_frame();
         self.am.set_current(&v);
         [x, y, gx, gy]
     }
@@ -512,7 +528,7 @@ pub fn chain(
 ) -> Result<Vec<Check>, DiagnoseError> {
     let subject = format!("{}/{}", am.name, ssm.name);
     let error = failed(&subject);
-    let mut chain = Chain::new(am, ssm, images, corners, res)?;
+    let mut chain = Chain::new(am, am.plain, ssm, images, corners, res)?;
     if !chain.am.capabilities().derivatives {
         return Ok(Vec::new());
     }
@@ -598,6 +614,17 @@ pub struct SweepRow {
     pub hessian_numeric: f64,
 }
 
+/// Patch of `image` under the regular grid of `corners`.
+pub fn patch(image: &Image, corners: &Corners, res: Resolution) -> Result<Vec<f32>, DiagnoseError> {
+    let mut ssm = crate::ssm::Homography::new();
+    ssm.init(corners, res).map_err(failed("region"))?;
+    let n = res.len();
+    let [mut x, mut y, mut v] = std::array::from_fn(|_| vec![0.0; n]);
+    ssm.warp_into(&mut x, &mut y);
+    kernels::sample(plane(image), Border::Constant, &x, &y, &mut v);
+    Ok(v)
+}
+
 /// Shapes of the similarity and its derivatives along each parameter: `steps` values evenly spaced in `±range`
 /// (base-frame units, 1 = RMS distance of the corners from their centre).
 pub fn sweep(
@@ -611,7 +638,7 @@ pub fn sweep(
 ) -> Result<Vec<SweepRow>, DiagnoseError> {
     let subject = format!("{}/{}", am.name, ssm.name);
     let error = failed(&subject);
-    let mut chain = Chain::new(am, ssm, images, corners, res)?;
+    let mut chain = Chain::new(am, &[], ssm, images, corners, res)?;
     let s = chain.ssm.dof();
     let derivatives = chain.am.capabilities().derivatives;
     let (how, kind) = if chain.ssm.capabilities().compositional {

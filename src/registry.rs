@@ -381,6 +381,15 @@ impl Registry {
         &self.ssms
     }
 
+    /// Appearance models of a list of names (`all` for every one).
+    pub fn select_ams(&self, list: &str) -> Result<Vec<&AmEntry>, SpecError> {
+        select(&self.ams, &[list.to_owned()])
+    }
+    /// State space models of a list of names.
+    pub fn select_ssms(&self, list: &str) -> Result<Vec<&SsmEntry>, SpecError> {
+        select(&self.ssms, &[list.to_owned()])
+    }
+
     fn triple(&self, spec: &TrackerSpec) -> Result<Triple<'_>, SpecError> {
         Ok(Triple {
             sm: find(&self.sms, &spec.sm).ok_or_else(|| unknown(&self.sms, &spec.sm))?,

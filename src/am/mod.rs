@@ -20,12 +20,41 @@
 //! Models whose gradient does not vanish at perfect alignment return centred gradients and the matching mixed Hessian
 //! from the same methods, so that no search method knows the difference.
 
+mod ccre;
+mod divergence;
+mod information;
+mod kld;
+mod lkld;
+mod mi;
 mod ncc;
+mod ngf;
+mod nssd;
+mod riu;
+mod sad;
+mod scv;
+mod spss;
 mod ssd;
+mod ssim;
+mod sum;
+mod tone;
 mod zncc;
 
+pub use ccre::{Ccre, CrossCumulative};
+pub use divergence::{Divergence, DivergenceKind, DivergenceSettings};
+pub use information::{Information, InformationParams, Kind as InformationKind};
+pub use kld::{Kld, KldParams, Whole};
+pub use lkld::{Lkld, LkldParams, Localised};
+pub use mi::{Mi, Mutual};
 pub use ncc::Ncc;
+pub use ngf::{Ngf, NgfParams};
+pub use nssd::Nssd;
+pub use riu::Riu;
+pub use sad::Sad;
+pub use scv::{ConditionalVariance, Lrscv, Lscv, Rscv, Scv};
+pub use spss::Spss;
 pub use ssd::Ssd;
+pub use ssim::Ssim;
+pub use sum::Sum;
 pub use zncc::Zncc;
 
 use crate::geom::solve::SymMatrix;
@@ -34,7 +63,26 @@ use crate::params::{Assignment, Built, ParamInfo, Params, Resolution};
 use crate::tracker::TrackError;
 
 /// Every appearance model of the crate, in the order of the documentation.
-pub const AMS: &[AmEntry] = &[AmEntry::of::<Ssd>(), AmEntry::of::<Zncc>(), AmEntry::of::<Ncc>()];
+pub const AMS: &[AmEntry] = &[
+    AmEntry::of::<Ssd>(),
+    AmEntry::of::<Nssd>(),
+    AmEntry::of::<Sad>(),
+    AmEntry::of::<Zncc>(),
+    AmEntry::of::<Ncc>(),
+    AmEntry::of::<Ssim>(),
+    AmEntry::of::<Spss>(),
+    AmEntry::of::<Riu>(),
+    AmEntry::of::<Scv>(),
+    AmEntry::of::<Rscv>(),
+    AmEntry::of::<Lscv>(),
+    AmEntry::of::<Lrscv>(),
+    AmEntry::of::<Mi>(),
+    AmEntry::of::<Ccre>(),
+    AmEntry::of::<Kld>(),
+    AmEntry::of::<Lkld>(),
+    AmEntry::of::<Ngf>(),
+    AmEntry::of::<Sum>(),
+];
 
 /// Shape of a patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,6 +127,8 @@ pub enum Curvature {
 pub enum Metric {
     /// Squared Euclidean distance of feature vectors.
     SquaredL2,
+    /// Sum of absolute differences of feature vectors.
+    L1,
     /// Anything else; only comparisons one by one are valid.
     Other,
 }
@@ -111,6 +161,11 @@ impl Normal {
             hessian: SymMatrix::new(s),
         }
     }
+    /// Copies `other`, which has the same size.
+    pub fn copy_from(&mut self, other: &Normal) {
+        self.gradient.copy_from_slice(&other.gradient);
+        self.hessian.copy_from(&other.hessian);
+    }
 }
 
 /// A similarity measure between a template and a current patch.
@@ -121,9 +176,25 @@ pub trait AppearanceModel: Send {
     /// What the model can do.
     fn capabilities(&self) -> Capabilities;
 
+    /// Whether `f` grows along the steps that gradient and Hessian make. False for centred gradients, which lead to perfect
+    /// alignment instead of the maximum of `f`: Levenberg-Marquardt then asks that `J (-H)⁻¹ J'` shrink.
+    fn similarity_is_merit(&self) -> bool {
+        true
+    }
+
+    /// Whether a gradient search with this model alone finds a region again. False for models that see too little of a patch
+    /// to determine all parameters of a warp; they serve sampling searches and sums of models.
+    fn tracks_alone(&self) -> bool {
+        true
+    }
+
     /// Takes the template patch (function 1 at initialisation) and makes it the current patch as well.
     /// Fails when the patch is not finite or has nothing to track.
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError>;
+
+    /// Tells that the patches to come belong to a new frame: models that estimate something once per frame do so with the
+    /// next patch. Called by search methods at the start of each update.
+    fn begin_frame(&mut self) {}
 
     /// Takes the current patch and computes what the similarity and its derivatives share (function 4 without `f`).
     fn set_current(&mut self, patch: &[f32]);
@@ -174,6 +245,18 @@ pub trait AppearanceModel: Send {
         kernels::squared_distance(query, stored, bound)
     }
 
+    /// Adapts the model to the patch at which a frame's search ended (raw, like all patches). Returns true when
+    /// something that a search method may have kept has changed: gradients or Hessians of the template side.
+    fn learn(&mut self, _patch: &[f32]) -> bool {
+        false
+    }
+
+    /// Whether the model is of little use unless it learns: search methods then call [`learn`](Self::learn) unless told
+    /// not to.
+    fn needs_learning(&self) -> bool {
+        false
+    }
+
     /// Slow `f64` definition of the function whose derivatives the model returns, for any two patches. A model that
     /// holds part of itself fixed while differentiating (ZNCC its normalisation) holds it at its present patches.
     fn reference(&self, template: &[f64], current: &[f64]) -> f64;
@@ -186,8 +269,17 @@ impl<T: AppearanceModel + ?Sized> AppearanceModel for Box<T> {
     fn capabilities(&self) -> Capabilities {
         (**self).capabilities()
     }
+    fn similarity_is_merit(&self) -> bool {
+        (**self).similarity_is_merit()
+    }
+    fn tracks_alone(&self) -> bool {
+        (**self).tracks_alone()
+    }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         (**self).set_template(shape, patch)
+    }
+    fn begin_frame(&mut self) {
+        (**self).begin_frame()
     }
     fn set_current(&mut self, patch: &[f32]) {
         (**self).set_current(patch)
@@ -219,6 +311,12 @@ impl<T: AppearanceModel + ?Sized> AppearanceModel for Box<T> {
     fn distance(&self, query: &[f32], stored: &[f32], bound: f32) -> f32 {
         (**self).distance(query, stored, bound)
     }
+    fn learn(&mut self, patch: &[f32]) -> bool {
+        (**self).learn(patch)
+    }
+    fn needs_learning(&self) -> bool {
+        (**self).needs_learning()
+    }
     fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
         (**self).reference(template, current)
     }
@@ -237,6 +335,9 @@ pub trait AmModel: AppearanceModel + Sized + 'static {
     const ALIASES: &'static [&'static str] = &[];
     /// One line for `list am`.
     const SUMMARY: &'static str;
+    /// Assignments under which its derivatives are those of [`reference`](AppearanceModel::reference), and nothing in it
+    /// depends on the template but the template itself. Empty where that is so by default.
+    const PLAIN: &'static [Assignment<'static>] = &[];
     /// Builds it.
     fn new(params: Self::Params) -> Self;
 }
@@ -252,6 +353,8 @@ pub struct AmEntry {
     pub summary: &'static str,
     /// Parameters.
     pub params: fn() -> Vec<ParamInfo>,
+    /// Assignments under which the derivatives are those of the reference function ([`AmModel::PLAIN`]).
+    pub plain: &'static [Assignment<'static>],
     /// Builds the model from `(name, value)` assignments.
     pub build: fn(&[Assignment<'_>]) -> Built<Box<dyn AppearanceModel>>,
     /// Canonical text of a parameter after the assignments.
@@ -266,6 +369,7 @@ impl AmEntry {
             aliases: M::ALIASES,
             summary: M::SUMMARY,
             params: <M::Params as Params>::info,
+            plain: M::PLAIN,
             build: |a| Ok(Box::new(M::new(M::Params::from_assignments(a)?))),
             canonical: |a, name| Ok(M::Params::from_assignments(a)?.get(name)),
         }

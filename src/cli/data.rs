@@ -12,7 +12,7 @@ use std::process::ExitCode;
 /// Exit code for faulty data.
 const BAD_DATA: u8 = 2;
 
-/// Arguments of `data`.
+/// Find what is wrong with datasets, or show what they hold
 #[derive(Args, Clone, Debug)]
 pub struct DataArgs {
     #[command(subcommand)]
@@ -52,7 +52,11 @@ enum InfoFormat {
 pub fn run(args: &DataArgs) -> Result<ExitCode> {
     match &args.command {
         DataCommand::Check { paths } => check(paths),
-        DataCommand::Info { paths, format, paranoid } => info(paths, *format, *paranoid),
+        DataCommand::Info {
+            paths,
+            format,
+            paranoid,
+        } => info(paths, *format, *paranoid),
     }
 }
 
@@ -80,7 +84,11 @@ fn check(paths: &[PathBuf]) -> Result<ExitCode> {
         count(errors, "error"),
         count(warnings, "warning")
     );
-    Ok(if errors == 0 { ExitCode::SUCCESS } else { ExitCode::from(BAD_DATA) })
+    Ok(if errors == 0 {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::from(BAD_DATA)
+    })
 }
 
 fn info(paths: &[PathBuf], format: InfoFormat, paranoid: bool) -> Result<ExitCode> {
@@ -93,8 +101,10 @@ fn info(paths: &[PathBuf], format: InfoFormat, paranoid: bool) -> Result<ExitCod
     let mut out = std::io::stdout().lock();
     match format {
         InfoFormat::Json => {
-            let sets: Vec<Value> =
-                sets.iter().map(|(name, rows)| json!({ "name": name, "sequences": rows })).collect();
+            let sets: Vec<Value> = sets
+                .iter()
+                .map(|(name, rows)| json!({ "name": name, "sequences": rows }))
+                .collect();
             serde_json::to_writer_pretty(&mut out, &json!({ "schema_version": 1, "datasets": sets }))?;
             writeln!(out)?;
         }
@@ -123,7 +133,15 @@ fn rows(set: &Dataset, paranoid: bool) -> Result<Vec<Value>> {
 fn table(sets: &[(String, Vec<Value>)]) -> Table {
     let mut table = Table::new();
     table.load_preset(presets::NOTHING);
-    table.set_header(["dataset", "sequence", "frames", "annotated", "size", "fingerprint", "tags"]);
+    table.set_header([
+        "dataset",
+        "sequence",
+        "frames",
+        "annotated",
+        "size",
+        "fingerprint",
+        "tags",
+    ]);
     let text = |v: &Value| v.as_str().map_or_else(|| v.to_string(), String::from);
     for row in sets.iter().flat_map(|(_, rows)| rows) {
         let tags: Vec<String> = row["tags"].as_array().into_iter().flatten().map(text).collect();

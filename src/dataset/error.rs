@@ -11,7 +11,6 @@ pub struct DatasetError {
     /// Line of the file, from 1, when the fault has one.
     pub line: Option<usize>,
     /// What is wrong.
-    #[source]
     pub kind: DatasetErrorKind,
 }
 
@@ -57,7 +56,7 @@ pub enum DatasetErrorKind {
     NotAFolder,
     /// Reading failed.
     #[error("cannot be read ({0}); check its permissions")]
-    Io(#[from] std::io::Error),
+    Io(std::io::Error),
     /// The folder has no entries.
     #[error("the folder is empty; put a sequence (frames and `groundtruth.txt`) into it")]
     EmptyFolder,
@@ -175,8 +174,8 @@ pub enum DatasetErrorKind {
         frame: String,
     },
     /// A frame cannot be decoded.
-    #[error(transparent)]
-    Image(#[from] ImageError),
+    #[error("{0}")]
+    Image(ImageError),
     /// A frame has another size than the first.
     #[error(
         "the frame is {width}x{height} pixels but the first is {first_width}x{first_height}; make all frames of one size"
@@ -207,4 +206,18 @@ pub enum DatasetErrorKind {
         /// Frames in the sequence.
         frames: usize,
     },
+}
+
+// Messages hold those of their causes, so causes are not chained: a report would say everything twice.
+
+impl From<std::io::Error> for DatasetErrorKind {
+    fn from(error: std::io::Error) -> Self {
+        DatasetErrorKind::Io(error)
+    }
+}
+
+impl From<ImageError> for DatasetErrorKind {
+    fn from(error: ImageError) -> Self {
+        DatasetErrorKind::Image(error)
+    }
 }

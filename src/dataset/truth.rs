@@ -110,7 +110,7 @@ fn parse_into(
 /// The first row is a header: it has no numbers and names no frame.
 fn is_header(row: &Row<'_>, form: &Form) -> bool {
     let names_frame = row.words[0].contains(|c: char| c.is_ascii_digit());
-    !row.has_number() && !(form.named && names_frame)
+    !(row.has_number() || form.named && names_frame)
 }
 
 /// The form whose name is given if the rows fit it, otherwise the first that most rows fit.

@@ -149,7 +149,13 @@ pub enum ImageError {
     },
     /// The file cannot be read.
     #[error("cannot read the image: {0}")]
-    Io(#[from] std::io::Error),
+    Io(std::io::Error),
+}
+
+impl From<std::io::Error> for ImageError {
+    fn from(error: std::io::Error) -> Self {
+        ImageError::Io(error)
+    }
 }
 
 /// Decodes the image in `bytes`; with `colour` also keeps its R, G, B. The gray plane is the same to the bit either way.

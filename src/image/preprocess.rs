@@ -39,8 +39,10 @@ pub struct PreProcessorEntry {
     /// What it does, in a line.
     pub summary: &'static str,
     /// Makes the filter from the words after the name; says what is wrong and what would be right.
-    make: fn(&[&str]) -> Result<Arc<dyn PreProcessor>, String>,
+    make: Make,
 }
+
+type Make = fn(&[&str]) -> Result<Arc<dyn PreProcessor>, String>;
 
 /// Every kind of filter.
 pub const PREPROCESSORS: &[PreProcessorEntry] = &[

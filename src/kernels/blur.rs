@@ -169,6 +169,8 @@ mod tests {
     use proptest::prelude::*;
     use rand::{RngExt, SeedableRng};
 
+    type Kernel = fn(&mut [f32], usize, usize, usize, &[f32], &mut [f32]);
+
     fn weights(taps: usize) -> Vec<f64> {
         let raw: Vec<f64> = (0..taps).map(|k| 1.0 + (k.min(taps - 1 - k)) as f64).collect();
         let sum: f64 = raw.iter().sum();
@@ -181,13 +183,7 @@ mod tests {
     }
 
     /// Runs one compilation of the kernel on a plane whose rows have `gap` spare elements.
-    fn run(
-        kernel: fn(&mut [f32], usize, usize, usize, &[f32], &mut [f32]),
-        values: &[f32],
-        width: usize,
-        gap: usize,
-        weights: &[f64],
-    ) -> Vec<f32> {
+    fn run(kernel: Kernel, values: &[f32], width: usize, gap: usize, weights: &[f64]) -> Vec<f32> {
         let (height, stride) = (values.len() / width, width + gap);
         let mut plane = vec![7.5; stride * height];
         for (p, v) in plane.chunks_exact_mut(stride).zip(values.chunks_exact(width)) {
@@ -246,10 +242,7 @@ mod tests {
         let w: Vec<f32> = weights(5).iter().map(|&w| w as f32).collect();
         let mut scratch = vec![0.0; scratch_len(640, 5)];
         for (name, kernel) in [
-            (
-                "dispatched",
-                separable_in_place as fn(&mut [f32], _, _, _, &[f32], &mut [f32]),
-            ),
+            ("dispatched", separable_in_place as Kernel),
             ("portable", separable::<Portable>),
         ] {
             let best = (0..200)

@@ -64,6 +64,11 @@ dispatch! {
     pub fn project(j: &Jacobian, r: &[f32], out: &mut [f64]) = project_lanes;
     /// `h = J'J` and `out[m * S + k] = Σ_i rhs[m]_i J_ik`, all in one sweep over blocks that stay in the first-level cache.
     pub fn normal_equations(j: &Jacobian, rhs: &[&[f32]], h: &mut SymMatrix, out: &mut [f64]) = normal_lanes;
+    /// `h = J' diag(w) J` with weights of any sign, and `out[m * S + k] = Σ_i rhs[m]_i J_ik`: the right-hand sides are
+    /// not weighted.
+    pub fn weighted_normal_equations(
+        j: &Jacobian, w: &[f32], rhs: &[&[f32]], h: &mut SymMatrix, out: &mut [f64],
+    ) = weighted_lanes;
 }
 
 /// Columns handled together when projecting.
@@ -108,6 +113,22 @@ const BLOCK: usize = 256;
 
 #[inline(always)]
 fn normal_lanes<V: Lanes>(j: &Jacobian, rhs: &[&[f32]], h: &mut SymMatrix, out: &mut [f64]) {
+    system::<V, false>(j, &[], rhs, h, out);
+}
+
+#[inline(always)]
+fn weighted_lanes<V: Lanes>(j: &Jacobian, w: &[f32], rhs: &[&[f32]], h: &mut SymMatrix, out: &mut [f64]) {
+    system::<V, true>(j, &w[..j.rows], rhs, h, out);
+}
+
+#[inline(always)]
+fn system<V: Lanes, const WEIGHTED: bool>(
+    j: &Jacobian,
+    w: &[f32],
+    rhs: &[&[f32]],
+    h: &mut SymMatrix,
+    out: &mut [f64],
+) {
     let (n, s) = (j.rows, j.cols);
     let total = s + rhs.len();
     let column = |k: usize| -> &[f32] {
@@ -127,7 +148,13 @@ fn normal_lanes<V: Lanes>(j: &Jacobian, rhs: &[&[f32]], h: &mut SymMatrix, out: 
             for ((a, b), acc) in tiles().skip(done).zip(acc.iter_mut()) {
                 let rows: [&[f32]; TILE] = std::array::from_fn(|k| &column(TILE * a + k)[start..end]);
                 let cols: [&[f32]; TILE] = std::array::from_fn(|k| &column(TILE * b + k)[start..end]);
-                *acc = tile(rows, cols, *acc);
+                *acc = if WEIGHTED {
+                    // Only parameters are weighted; a tile may hold both kinds of columns.
+                    let weighted = std::array::from_fn(|k| TILE * b + k < s);
+                    tile::<V, true>(rows, cols, &w[start..end], weighted, *acc)
+                } else {
+                    tile::<V, false>(rows, cols, &[], [false; TILE], *acc)
+                };
             }
             start = end;
         }
@@ -148,32 +175,42 @@ fn normal_lanes<V: Lanes>(j: &Jacobian, rhs: &[&[f32]], h: &mut SymMatrix, out: 
 }
 
 #[inline(always)]
-fn tile<V: Lanes>(
+fn tile<V: Lanes, const WEIGHTED: bool>(
     rows: [&[f32]; TILE],
     cols: [&[f32]; TILE],
+    w: &[f32],
+    weighted: [bool; TILE],
     mut acc: [[V; TILE]; TILE],
 ) -> [[V; TILE]; TILE] {
     let n = rows[0].len();
     let (rows, cols) = (rows.map(|r| &r[..n]), cols.map(|c| &c[..n]));
+    let w = if WEIGHTED { &w[..n] } else { w };
     let mut i = 0;
-    while i + WIDTH <= n {
-        let a = rows.map(|r| V::load(&r[i..i + WIDTH]));
-        let b = cols.map(|c| V::load(&c[i..i + WIDTH]));
+    while i < n {
+        let full = i + WIDTH <= n;
+        let load = |s: &[f32]| {
+            if full {
+                V::load(&s[i..i + WIDTH])
+            } else {
+                V::load_partial(&s[i..])
+            }
+        };
+        let a = rows.map(load);
+        let mut b = cols.map(load);
+        if WEIGHTED {
+            let w = load(w);
+            for q in 0..TILE {
+                if weighted[q] {
+                    b[q] = b[q].mul(w);
+                }
+            }
+        }
         for p in 0..TILE {
             for q in 0..TILE {
                 acc[p][q] = a[p].mul_add(b[q], acc[p][q]);
             }
         }
         i += WIDTH;
-    }
-    if i < n {
-        let a = rows.map(|r| V::load_partial(&r[i..]));
-        let b = cols.map(|c| V::load_partial(&c[i..]));
-        for p in 0..TILE {
-            for q in 0..TILE {
-                acc[p][q] = a[p].mul_add(b[q], acc[p][q]);
-            }
-        }
     }
     acc
 }
@@ -215,6 +252,18 @@ mod tests {
             let (mut hp, mut outp) = (SymMatrix::new(s), vec![0.0; m * s]);
             normal_lanes::<Portable>(&j, &rhs, &mut hp, &mut outp);
             prop_assert_eq!((&h, &out), (&hp, &outp));
+            let w: Vec<f32> = (0..n).map(|i| value(i, 200)).collect();
+            let (mut hw, mut outw) = (SymMatrix::new(s), vec![0.0; m * s]);
+            weighted_normal_equations(&j, &w, &rhs, &mut hw, &mut outw);
+            prop_assert_eq!(&outw, &out);
+            for a in 0..s {
+                for b in 0..s {
+                    let wb: Vec<f32> = j.col(b).iter().zip(&w).map(|(x, w)| x * w).collect();
+                    prop_assert!((hw.get(a, b) - exact(j.col(a), &wb)).abs() < 1e-6 * n as f64);
+                }
+            }
+            weighted_lanes::<Portable>(&j, &w, &rhs, &mut hp, &mut outp);
+            prop_assert_eq!((&hw, &outw), (&hp, &outp));
             if let Some(r) = rhs.first() {
                 let (mut a, mut b) = (vec![0.0; s], vec![0.0; s]);
                 project(&j, r, &mut a);

@@ -47,7 +47,7 @@ crate::params! {
         hess: Hessian = Hessian::Auto;
         /// Second-order terms in std Hessians.
         second_order: bool = false;
-        /// Levenberg-Marquardt damping, steps accepted by the similarity.
+        /// Levenberg-Marquardt damping, steps accepted by the similarity (centred models: by the size of the gradient).
         leven_marq: bool = false;
         /// Levenberg-Marquardt: initial damping.
         lm_init: f64 = 0.01, in 1e-10..=1e10;
@@ -246,6 +246,8 @@ pub struct Lk<M, A, S> {
     ssm: S,
     template: Template,
     normal: Normal,
+    /// Normal equations at the accepted state, while another is judged by its own.
+    accepted_normal: Normal,
     delta: Vec<f64>,
     accepted: Vec<f64>,
     started: bool,
@@ -278,6 +280,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
             ssm,
             template: Template::default(),
             normal: Normal::new(0),
+            accepted_normal: Normal::new(0),
             delta: Vec::new(),
             accepted: Vec::new(),
             started: false,
@@ -365,9 +368,33 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         Ok(self.ssm.motion_squared(&before, &self.accepted) < self.params.epsilon)
     }
 
+    /// Gradient and Hessian at the sampled state, with the warp's own regularisation.
+    fn linearise(&mut self, image: &Image, ws: &mut Workspace) {
+        let (method, mut kit, normal) = self.kit(image, ws);
+        method.linearise(&mut kit, normal);
+        self.ssm
+            .regularise(&mut self.normal.gradient, &mut self.normal.hessian);
+    }
+
+    /// What Levenberg-Marquardt wants to grow at the sampled state: `f`, or `-J (-H)⁻¹ J'` for models whose steps do not
+    /// climb `f`. The latter linearises.
+    fn merit(&mut self, image: &Image, ws: &mut Workspace) -> f64 {
+        if self.am.similarity_is_merit() {
+            return self.am.similarity();
+        }
+        self.linearise(image, ws);
+        let Normal { gradient, hessian } = &self.normal;
+        if solve_negative(hessian, 0.0, gradient, &mut self.delta, &mut ws.work) {
+            gradient.iter().zip(&self.delta).map(|(g, x)| g * x).sum()
+        } else {
+            f64::NEG_INFINITY
+        }
+    }
+
     fn search(&mut self, image: &Image, ws: &mut Workspace) -> Result<(Stop, u32), TrackError> {
         let gradient = M::reads_gradient(self.hess()) || self.params.second_order;
         let lm = self.params.leven_marq;
+        let climbs = self.am.similarity_is_merit();
         let mut lambda = if lm { self.params.lm_init } else { 0.0 };
         let mut best = f64::NEG_INFINITY;
         let mut stop = Stop::MaxIterations;
@@ -375,7 +402,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         while iterations < self.params.max_iters {
             iterations += 1;
             self.sample(image, ws, gradient)?;
-            let f = self.am.similarity();
+            let f = if lm { self.merit(image, ws) } else { best };
             if lm && iterations > 1 && (f.is_nan() || f < best) {
                 // Back to the accepted point; its normal equations still stand, only the damping grows.
                 lambda = (lambda * self.params.lm_factor).min(*LAMBDA.end());
@@ -383,16 +410,20 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
                 let restored = self.ssm.set_state(&accepted);
                 self.accepted = accepted;
                 restored?;
+                if !climbs {
+                    self.normal.copy_from(&self.accepted_normal);
+                }
             } else {
                 if lm && iterations > 1 {
                     lambda = (lambda / self.params.lm_factor).max(*LAMBDA.start());
                 }
                 best = f;
                 self.accepted.copy_from_slice(self.ssm.state());
-                let (method, mut kit, normal) = self.kit(image, ws);
-                method.linearise(&mut kit, normal);
-                self.ssm
-                    .regularise(&mut self.normal.gradient, &mut self.normal.hessian);
+                if climbs || !lm {
+                    self.linearise(image, ws);
+                } else {
+                    self.accepted_normal.copy_from(&self.normal);
+                }
             }
             if self.step(image, lambda, &mut ws.work)? {
                 stop = Stop::Converged;
@@ -401,8 +432,8 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         }
         if lm {
             // The last step has not been judged yet.
-            self.sample(image, ws, false)?;
-            let f = self.am.similarity();
+            self.sample(image, ws, gradient && !climbs)?;
+            let f = self.merit(image, ws);
             if f.is_nan() || f < best {
                 self.ssm.set_state(&self.accepted)?;
             }
@@ -462,6 +493,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         self.refuse_huge(image)?;
         let s = self.ssm.dof();
         self.normal = Normal::new(s);
+        self.accepted_normal = Normal::new(s);
         self.delta = vec![0.0; s];
         self.accepted = self.ssm.state().to_vec();
         let mut ws = self.workspace();
@@ -495,6 +527,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         let mut ws = self.workspace();
         self.accepted.copy_from_slice(self.ssm.state());
         self.ssm.begin_frame();
+        self.am.begin_frame();
         match self.search(image, &mut ws) {
             Ok((stop, iterations)) => Ok(Update {
                 corners: self.ssm.corners(),

@@ -767,7 +767,7 @@ mod tests {
         g.set_state(&vec![0.0; f.dof()]).unwrap();
         g.estimate(&mut estimator, &from, &to).unwrap();
         assert!(rms(&g, &exact) < 0.3, "{}", rms(&g, &exact));
-        let spoiled = |i: usize| i % 4 == 0;
+        let spoiled = |i: usize| i.is_multiple_of(4);
         assert!(
             estimator
                 .inliers()

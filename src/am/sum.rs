@@ -1,0 +1,276 @@
+//! SumOfAMs: the weighted sum of two other models (Singh & Jagersand 2018).
+//!
+//! `f = ω1 f1 + ω2 f2`, `ω_j = 1/(1 + f_j(T, T)²)` fixed at initialisation. Gradients and Hessians add up with the same
+//! weights, likelihoods with weights scaled to a sum of one. Each member does its own pixel normalisation, so both
+//! share the Jacobian of the raw patch.
+//!
+//! Feature: both features, one after the other. Distance: `Σ ω_j k_j d_j`, with `k_j` such that `k_j d_j` changes as
+//! `-f_j` does between the template and a distorted copy; members whose distance is an affine function of their `f` (all
+//! correlation and difference measures) are then ordered exactly as the sum orders them.
+
+use super::{AMS, AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use crate::geom::solve::SymMatrix;
+use crate::kernels::Jacobian;
+use crate::params::ParamValue;
+use crate::tracker::TrackError;
+
+/// Name of a model that may be part of a sum: any of the table but the sum itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Member(&'static str);
+
+impl Member {
+    fn names() -> impl Iterator<Item = &'static str> {
+        AMS.iter().map(|e| e.name).filter(|&n| n != Sum::NAME)
+    }
+
+    fn build(self) -> Box<dyn AppearanceModel> {
+        let entry = AMS.iter().find(|e| e.name == self.0).expect("names of the table");
+        (entry.build)(&[]).expect("defaults are valid")
+    }
+}
+
+impl ParamValue for Member {
+    fn parse(text: &str) -> Option<Self> {
+        let entry = AMS.iter().find(|e| e.name == text || e.aliases.contains(&text))?;
+        (entry.name != Sum::NAME).then_some(Member(entry.name))
+    }
+    fn text(&self) -> String {
+        self.0.to_owned()
+    }
+    fn allowed() -> String {
+        Self::names().collect::<Vec<_>>().join(", ")
+    }
+}
+
+crate::params! {
+    /// Parameters of [`Sum`].
+    pub struct SumParams {
+        /// First model.
+        am1: Member = Member("ssd");
+        /// Second model.
+        am2: Member = Member("ncc");
+    }
+}
+
+struct Part {
+    am: Box<dyn AppearanceModel>,
+    /// `ω`.
+    weight: f64,
+    /// `ω k`.
+    distance: f64,
+}
+
+/// Weighted sum of two appearance models.
+pub struct Sum {
+    parts: [Part; 2],
+    scratch: Vec<f32>,
+    normal: Normal,
+}
+
+impl AmModel for Sum {
+    type Params = SumParams;
+    const NAME: &'static str = "sum";
+    const ALIASES: &'static [&'static str] = &["sumofams"];
+    const SUMMARY: &'static str = "weighted sum of two models (am1, am2)";
+    fn new(params: SumParams) -> Self {
+        let part = |m: Member| Part {
+            am: m.build(),
+            weight: 1.0,
+            distance: 1.0,
+        };
+        Sum {
+            parts: [part(params.am1), part(params.am2)],
+            scratch: Vec::new(),
+            normal: Normal::new(0),
+        }
+    }
+}
+
+/// Most parameters a Jacobian may have without allocation in the hot path.
+const MAX_DOF: usize = 16;
+
+impl Sum {
+    /// Both members' Hessians, weighted.
+    fn add_hessians(
+        &mut self,
+        h: &mut SymMatrix,
+        mut of: impl FnMut(&mut dyn AppearanceModel, &mut SymMatrix),
+    ) {
+        if self.normal.hessian.order() != h.order() {
+            self.normal = Normal::new(h.order());
+        }
+        let [first, second] = &mut self.parts;
+        of(&mut *first.am, h);
+        of(&mut *second.am, &mut self.normal.hessian);
+        h.blend(first.weight, second.weight, &self.normal.hessian);
+    }
+}
+
+impl AppearanceModel for Sum {
+    fn capabilities(&self) -> Capabilities {
+        let [a, b] = [self.parts[0].am.capabilities(), self.parts[1].am.capabilities()];
+        let metric = if (a.metric, b.metric) == (Metric::SquaredL2, Metric::SquaredL2) {
+            Metric::SquaredL2
+        } else {
+            Metric::Other
+        };
+        Capabilities {
+            derivatives: a.derivatives && b.derivatives,
+            symmetric: a.symmetric && b.symmetric,
+            metric,
+        }
+    }
+    fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
+        // Any other patch would do for the ratio of distance and similarity; this one is as textured as the template.
+        let mut other: Vec<f32> = patch.iter().rev().map(|v| 0.5 * v + 40.0).collect();
+        other[0] += 10.0;
+        for part in &mut self.parts {
+            let am = &mut part.am;
+            am.set_template(shape, patch)?;
+            am.begin_frame();
+            am.set_current(&other);
+            let far = am.similarity();
+            am.begin_frame();
+            am.set_current(patch);
+            let best = am.similarity();
+            let feature = |p: &[f32]| {
+                let mut f = vec![0.0; am.feature_len()];
+                am.feature_into(p, &mut f);
+                f
+            };
+            let (stored, moved) = (feature(patch), feature(&other));
+            let distance = |q: &[f32]| f64::from(am.distance(q, &stored, f32::INFINITY));
+            let (near, away) = (distance(&stored), distance(&moved));
+            let k = (best - far) / (away - near);
+            part.weight = 1.0 / (1.0 + best * best);
+            part.distance = part.weight * if k.is_finite() && k > 0.0 { k } else { 1.0 };
+            // A frame has begun when the template is the current patch.
+            part.am.begin_frame();
+        }
+        self.scratch.clear();
+        self.scratch.resize(shape.len(), 0.0);
+        self.normal = Normal::new(MAX_DOF);
+        Ok(())
+    }
+    fn begin_frame(&mut self) {
+        self.parts.iter_mut().for_each(|p| p.am.begin_frame());
+    }
+    fn set_current(&mut self, patch: &[f32]) {
+        self.parts.iter_mut().for_each(|p| p.am.set_current(patch));
+    }
+    fn similarity(&self) -> f64 {
+        self.parts.iter().map(|p| p.weight * p.am.similarity()).sum()
+    }
+    fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
+        let [first, second] = &mut self.parts;
+        first.am.gradient_into(side, out);
+        second.am.gradient_into(side, &mut self.scratch);
+        let (a, b) = (first.weight as f32, second.weight as f32);
+        for (o, s) in out.iter_mut().zip(&self.scratch) {
+            *o = a * *o + b * s;
+        }
+    }
+    fn hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
+        self.add_hessians(h, |am, h| am.hessian_into(side, j, h));
+    }
+    fn self_hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
+        self.add_hessians(h, |am, h| am.self_hessian_into(side, j, h));
+    }
+    fn linearise(
+        &mut self,
+        side: Side,
+        curvature: Curvature,
+        j: &Jacobian,
+        scratch: &mut [f32],
+        out: &mut Normal,
+    ) {
+        if self.normal.gradient.len() != j.cols() {
+            self.normal = Normal::new(j.cols());
+        }
+        let [first, second] = &mut self.parts;
+        first.am.linearise(side, curvature, j, scratch, out);
+        second.am.linearise(side, curvature, j, scratch, &mut self.normal);
+        let (a, b) = (first.weight, second.weight);
+        out.hessian.blend(a, b, &self.normal.hessian);
+        for (g, s) in out.gradient.iter_mut().zip(&self.normal.gradient) {
+            *g = a * *g + b * s;
+        }
+    }
+    fn likelihood(&self) -> f64 {
+        let total: f64 = self.parts.iter().map(|p| p.weight).sum();
+        self.parts
+            .iter()
+            .map(|p| p.weight / total * p.am.likelihood())
+            .sum()
+    }
+    fn feature_len(&self) -> usize {
+        self.parts.iter().map(|p| p.am.feature_len()).sum()
+    }
+    fn feature_into(&self, patch: &[f32], out: &mut [f32]) {
+        let (first, second) = out.split_at_mut(self.parts[0].am.feature_len());
+        self.parts[0].am.feature_into(patch, first);
+        self.parts[1].am.feature_into(patch, second);
+        if self.capabilities().metric == Metric::SquaredL2 {
+            // The weights go into the features, which keeps the distance Euclidean.
+            for (part, feature) in self.parts.iter().zip([first, second]) {
+                let k = part.distance.sqrt() as f32;
+                feature.iter_mut().for_each(|v| *v *= k);
+            }
+        }
+    }
+    fn distance(&self, query: &[f32], stored: &[f32], bound: f32) -> f32 {
+        if self.capabilities().metric == Metric::SquaredL2 {
+            return crate::kernels::squared_distance(query, stored, bound);
+        }
+        let at = self.parts[0].am.feature_len();
+        let d = |k: usize, q: &[f32], s: &[f32]| {
+            self.parts[k].distance * f64::from(self.parts[k].am.distance(q, s, f32::INFINITY))
+        };
+        (d(0, &query[..at], &stored[..at]) + d(1, &query[at..], &stored[at..])) as f32
+    }
+    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+        self.parts
+            .iter()
+            .map(|p| p.weight * p.am.reference(template, current))
+            .sum()
+    }
+    fn learn(&mut self, patch: &[f32]) -> bool {
+        self.parts
+            .iter_mut()
+            .fold(false, |any, p| p.am.learn(patch) | any)
+    }
+    fn needs_learning(&self) -> bool {
+        self.parts.iter().any(|p| p.am.needs_learning())
+    }
+    fn memory(&self) -> usize {
+        4 * self.scratch.capacity() + self.parts.iter().map(|p| p.am.memory()).sum::<usize>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::Params;
+
+    #[test]
+    fn members_are_models_of_the_table_but_not_the_sum() {
+        let p = SumParams::from_assignments(&[("am1", "zncc"), ("am2", "lrsc")]).unwrap();
+        assert_eq!(
+            (p.get("am1").unwrap(), p.get("am2").unwrap()),
+            ("zncc".into(), "lrscv".into())
+        );
+        let error = SumParams::from_assignments(&[("am1", "sum")]).unwrap_err();
+        assert!(
+            error.to_string().starts_with("am1=sum: expected ssd, "),
+            "{error}"
+        );
+        assert!(SumParams::from_assignments(&[("am2", "nothing")]).is_err());
+    }
+
+    #[test]
+    fn a_member_without_derivatives_leaves_none_to_the_sum() {
+        let p = SumParams::from_assignments(&[("am1", "sad")]).unwrap();
+        let c = Sum::new(p).capabilities();
+        assert!(!c.derivatives && c.symmetric && c.metric == Metric::Other);
+    }
+}

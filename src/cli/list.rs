@@ -1,0 +1,189 @@
+//! `mtf-eval list`: what exists, from the tables that everything else uses.
+
+use super::args::{ListArgs, ListWhat};
+use super::{Failure, Outcome, print};
+use mtf_eval::dataset::{self, LoadOptions, OnBadData};
+use mtf_eval::eval::error::Metric;
+use mtf_eval::output::{Format, render};
+use mtf_eval::params::ParamInfo;
+use mtf_eval::registry::{Registry, Selection};
+use serde_json::{Map, Value};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Rows of text under a header.
+struct Listing {
+    title: &'static str,
+    header: Vec<&'static str>,
+    rows: Vec<Vec<String>>,
+}
+
+/// Prints what `args` asks for.
+///
+/// # Errors
+/// Data that cannot be read; stdout cannot be written to.
+pub fn run(args: &ListArgs) -> Outcome {
+    let registry = Registry::builtin();
+    let listings = match args.what {
+        Some(what) => vec![listing(what, &registry, &args.data)?],
+        None => [ListWhat::Sm, ListWhat::Am, ListWhat::Ssm]
+            .into_iter()
+            .map(|what| listing(what, &registry, &args.data))
+            .collect::<Result<_, _>>()?,
+    };
+    let text = match (args.format, listings.as_slice()) {
+        (Format::Json, [one]) => format!("{:#}\n", json(one)),
+        (Format::Json, many) => {
+            let all: Map<String, Value> = many.iter().map(|l| (l.title.to_owned(), json(l))).collect();
+            format!("{:#}\n", Value::Object(all))
+        }
+        (Format::Csv, many) => many.iter().map(csv).collect::<Result<Vec<_>, _>>()?.join("\n"),
+        (format, [one]) => render(&one.header, &one.rows, format, false),
+        (format, many) => {
+            let section =
+                |l: &Listing| format!("{}\n\n{}", l.title, render(&l.header, &l.rows, format, false));
+            let sections: Vec<String> = many.iter().map(section).collect();
+            let more = "More: mtf-eval list trackers|params|metrics|data\n";
+            format!("{}\n{more}", sections.join("\n"))
+        }
+    };
+    print(&text).map(|()| ExitCode::SUCCESS)
+}
+
+fn listing(what: ListWhat, registry: &Registry, data: &[PathBuf]) -> Result<Listing, Failure> {
+    let row = |cells: &[&str]| cells.iter().map(|s| s.to_string()).collect::<Vec<String>>();
+    let (title, header, rows) = match what {
+        ListWhat::Sm => {
+            let describe = |e: &mtf_eval::sm::SmEntry| {
+                row(&[e.name, &e.aliases.join(" "), &e.groups.join(" "), e.summary])
+            };
+            let rows = registry.sms().iter().map(describe).collect();
+            (
+                "search methods",
+                vec!["name", "aliases", "groups", "description"],
+                rows,
+            )
+        }
+        ListWhat::Am => {
+            let rows = registry
+                .ams()
+                .iter()
+                .map(|e| row(&[e.name, &e.aliases.join(" "), e.summary]))
+                .collect();
+            ("appearance models", vec!["name", "aliases", "description"], rows)
+        }
+        ListWhat::Ssm => {
+            let rows = registry
+                .ssms()
+                .iter()
+                .map(|e| row(&[e.name, &e.aliases.join(" "), e.summary]))
+                .collect();
+            ("state space models", vec!["name", "aliases", "description"], rows)
+        }
+        ListWhat::Trackers => {
+            let all = || vec!["all".to_owned()];
+            let everything = Selection {
+                sm: all(),
+                am: all(),
+                ssm: all(),
+                ..Selection::default()
+            };
+            let expansion = registry.expand(&everything).map_err(Failure::usage)?;
+            let valid = expansion
+                .specs
+                .iter()
+                .map(|spec| row(&[&spec.to_string(), "yes", ""]));
+            let refused = expansion.refused.iter().map(|r| row(&[&r.id, "no", &r.reason]));
+            (
+                "trackers",
+                vec!["tracker", "valid", "reason"],
+                valid.chain(refused).collect(),
+            )
+        }
+        ListWhat::Params => {
+            let mut rows = Vec::new();
+            let mut add = |role: &str, model: &str, infos: Vec<ParamInfo>| {
+                rows.extend(infos.iter().map(|i| {
+                    row(&[
+                        &format!("{role}.{model}.{}", i.name),
+                        &i.default,
+                        &i.allowed,
+                        i.doc,
+                    ])
+                }));
+            };
+            registry
+                .sms()
+                .iter()
+                .for_each(|e| add("sm", e.name, (e.params)()));
+            registry
+                .ams()
+                .iter()
+                .for_each(|e| add("am", e.name, (e.params)()));
+            registry
+                .ssms()
+                .iter()
+                .for_each(|e| add("ssm", e.name, (e.params)()));
+            (
+                "parameters",
+                vec!["parameter", "default", "allowed", "description"],
+                rows,
+            )
+        }
+        ListWhat::Metrics => {
+            let rows = Metric::ALL
+                .iter()
+                .map(|m| row(&[m.name(), m.unit(), m.description()]))
+                .collect();
+            ("metrics", vec!["metric", "unit", "description"], rows)
+        }
+        ListWhat::Data => {
+            let options = LoadOptions {
+                on_bad_data: OnBadData::Skip,
+                ..LoadOptions::default()
+            };
+            let builtin = [PathBuf::from(dataset::BUILTIN)];
+            let mut rows = Vec::new();
+            for path in if data.is_empty() { &builtin } else { data } {
+                for s in dataset::load(path, &options).map_err(Failure::usage)?.sequences {
+                    rows.push(vec![
+                        format!("{}/{}", s.dataset(), s.name()),
+                        s.len().to_string(),
+                        s.annotated().to_string(),
+                        format!("{}x{}", s.width(), s.height()),
+                        s.tags().join(" "),
+                    ]);
+                }
+            }
+            (
+                "sequences",
+                vec!["sequence", "frames", "annotated", "size", "tags"],
+                rows,
+            )
+        }
+    };
+    Ok(Listing { title, header, rows })
+}
+
+/// An array with an object per row.
+fn json(listing: &Listing) -> Value {
+    let object = |row: &Vec<String>| {
+        let fields = listing.header.iter().zip(row);
+        Value::Object(
+            fields
+                .map(|(k, v)| (k.to_string(), Value::String(v.clone())))
+                .collect(),
+        )
+    };
+    listing.rows.iter().map(object).collect()
+}
+
+fn csv(listing: &Listing) -> Result<String, Failure> {
+    let mut out = csv::Writer::from_writer(Vec::new());
+    out.write_record(&listing.header).map_err(Failure::usage)?;
+    for row in &listing.rows {
+        out.write_record(row).map_err(Failure::usage)?;
+    }
+    let bytes = out.into_inner().map_err(Failure::usage)?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
+}

@@ -1,0 +1,465 @@
+//! Runs units: each frame of a sequence is decoded and filtered once and given to every tracker of a group.
+//!
+//! Frames are decoded a window ahead while the trackers of the group work through the current window in parallel, so
+//! memory does not depend on a sequence's length (but for its log rows, which count towards the size of a group) and a
+//! long sequence with many trackers keeps all cores as busy as many sequences with one. Sequences run side by side in
+//! *lanes* only as far as there are too few trackers to fill the threads; lanes are plain threads that hand windows to
+//! one pool, so nesting stays bounded.
+
+use super::error::FrameError;
+use super::framelog::{Row, format_log, round_corners, score_log};
+use super::journal::{Entry, EntryStatus, Finished, UnitTime};
+use super::panics;
+use super::plan::{FrameLogs, RunRequest, Unit};
+use super::rundir::{RunDir, RunError, digest, write_atomic};
+use super::runner::Observer;
+use crate::dataset::Sequence;
+use crate::geom::Corners;
+use crate::image::Frame;
+use crate::tracker::{Stop, Tracker};
+use rayon::prelude::*;
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::SyncSender;
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+/// Most frames decoded ahead.
+const WINDOW: usize = 16;
+/// Share of the memory budget that decoded frames may take.
+const FRAME_SHARE: u64 = 8;
+/// Bytes a frame costs a unit until its log is written.
+const ROW_BYTES: u64 = (size_of::<Row>() + size_of::<f32>()) as u64;
+
+/// What every lane shares.
+pub(super) struct Context<'a> {
+    pub request: &'a RunRequest,
+    pub dir: &'a RunDir,
+    pub observer: &'a dyn Observer,
+    /// Set by a signal.
+    pub stop: &'a AtomicBool,
+    /// Set when a file could not be written, by whoever met the error first.
+    pub broken: AtomicBool,
+    pub error: Mutex<Option<RunError>>,
+    pub pool: &'a rayon::ThreadPool,
+    pub lanes: usize,
+}
+
+impl Context<'_> {
+    fn halted(&self) -> bool {
+        self.stop.load(Ordering::Relaxed) || self.broken.load(Ordering::Relaxed)
+    }
+
+    /// Keeps the first error and stops everything.
+    pub fn fail(&self, error: RunError) {
+        let mut first = self.error.lock().unwrap_or_else(|e| e.into_inner());
+        first.get_or_insert(error);
+        self.broken.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Lanes that keep `threads` busy when each sequence has `trackers` to run.
+pub(super) fn lanes(threads: usize, trackers: usize, sequences: usize) -> usize {
+    (2 * threads)
+        .div_ceil(trackers.max(1))
+        .min(threads)
+        .clamp(1, sequences.max(1))
+}
+
+/// Runs `pending` (units of each sequence, by sequence) to their end or until halted; what is finished goes to
+/// `journal`.
+pub(super) fn run_units(context: &Context<'_>, journal: SyncSender<Finished>, pending: Vec<Vec<&Unit>>) {
+    let mut work: Vec<Vec<&Unit>> = pending.into_iter().filter(|units| !units.is_empty()).collect();
+    // The longest first, so that no lane is left alone with one at the end.
+    work.sort_by_key(|units| {
+        std::cmp::Reverse(units.len() * context.request.sequences[units[0].sequence].len())
+    });
+    let work = Mutex::new(VecDeque::from(work));
+    let journal = &journal;
+    std::thread::scope(|scope| {
+        for _ in 0..context.lanes {
+            scope.spawn(|| {
+                while !context.halted() {
+                    let next = work.lock().unwrap_or_else(|e| e.into_inner()).pop_front();
+                    match next {
+                        Some(units) => run_sequence(context, journal, &units),
+                        None => break,
+                    }
+                }
+            });
+        }
+    });
+}
+
+/// A unit on its way.
+struct Active<'a> {
+    unit: &'a Unit,
+    tracker: Option<Box<dyn Tracker>>,
+    rows: Vec<Row>,
+    seconds: Vec<f32>,
+    input_seconds: f64,
+    failed: Option<String>,
+}
+
+/// A frame with its index and the time it took to read, decode and filter, s.
+struct Ready {
+    index: usize,
+    frame: Frame,
+    seconds: f64,
+}
+
+fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[&Unit]) {
+    let sequence = &context.request.sequences[units[0].sequence];
+    let budget = context.request.memory / context.lanes as u64;
+    let mut units = units.iter().copied().peekable();
+    let mut unreadable: Option<String> = None;
+    while units.peek().is_some() && !context.halted() {
+        let mut group = Vec::new();
+        let mut bytes = 0;
+        while let Some(&unit) = units.peek() {
+            let mut active = prepare(context, unit, unreadable.as_deref());
+            let memory = active.tracker.as_ref().map_or(0, |t| t.memory() as u64);
+            bytes += memory + ROW_BYTES * (sequence.len() - unit.start) as u64;
+            // The first tracker over the budget is made again for the next group.
+            if bytes > budget && !group.is_empty() {
+                active.tracker = None;
+                break;
+            }
+            group.push(active);
+            units.next();
+        }
+        let read = run_group(context, sequence, &mut group);
+        if context.halted() {
+            return;
+        }
+        if let Err(reason) = read {
+            unreadable.get_or_insert(reason);
+        }
+        context.pool.install(|| {
+            group
+                .into_par_iter()
+                .with_max_len(1)
+                .for_each(|active| finish(context, journal, sequence, active));
+        });
+    }
+}
+
+/// Makes the unit's tracker.
+fn prepare<'a>(context: &Context<'_>, unit: &'a Unit, unreadable: Option<&str>) -> Active<'a> {
+    let made = match unreadable {
+        Some(reason) => Err(reason.to_string()),
+        None => {
+            let make = &context.request.trackers[unit.tracker].make;
+            panics::catch(|| make()).and_then(|made| made)
+        }
+    };
+    let (tracker, failed) = match made {
+        Ok(mut tracker) => {
+            tracker.reseed(context.request.unit_seed(unit));
+            (Some(tracker), None)
+        }
+        Err(reason) => (None, Some(reason)),
+    };
+    Active {
+        unit,
+        tracker,
+        rows: Vec::new(),
+        seconds: Vec::new(),
+        input_seconds: 0.0,
+        failed,
+    }
+}
+
+/// Runs a group over its sequence. An unreadable frame fails its units and is returned.
+fn run_group(context: &Context<'_>, sequence: &Sequence, group: &mut [Active<'_>]) -> Result<(), String> {
+    let Some(first) = group
+        .iter()
+        .filter(|a| a.tracker.is_some())
+        .map(|a| a.unit.start)
+        .min()
+    else {
+        return Ok(());
+    };
+    let channels = |n| {
+        group
+            .iter()
+            .filter_map(|a| a.tracker.as_ref())
+            .any(|t| t.channels() == n)
+    };
+    let (gray, colour) = (channels(1), channels(3));
+    let read = |range: Range<usize>| decode(context, sequence, range, gray, colour);
+
+    let mut result = Ok(());
+    // The first frame alone, to learn how much memory a frame takes.
+    let mut window = match context
+        .pool
+        .install(|| read(first..sequence.len().min(first + 1)))
+    {
+        Ok(window) => window,
+        Err(reason) => {
+            fail_all(group, &reason);
+            return Err(reason);
+        }
+    };
+    let ahead = window.first().map_or(WINDOW, |ready| {
+        let planes = 4 * (usize::from(gray) + 3 * usize::from(colour)) + 1 + 2 * usize::from(colour);
+        let bytes = (ready.frame.width() * ready.frame.height() * planes) as u64;
+        let room = context.request.memory / FRAME_SHARE / context.lanes as u64 / 2;
+        ((room / bytes.max(1)) as usize).clamp(1, WINDOW)
+    });
+    while let Some(last) = window.last().map(|ready| ready.index) {
+        let upcoming = last + 1..sequence.len().min(last + 1 + ahead);
+        let ((), next) = context.pool.install(|| {
+            rayon::join(
+                || {
+                    group
+                        .par_iter_mut()
+                        .with_max_len(1)
+                        .for_each(|active| track_window(context, sequence, active, &window))
+                },
+                || read(upcoming),
+            )
+        });
+        if context.halted() || group.iter().all(|a| a.tracker.is_none()) {
+            break;
+        }
+        window = next.unwrap_or_else(|reason| {
+            fail_all(group, &reason);
+            result = Err(reason);
+            Vec::new()
+        });
+    }
+    result
+}
+
+fn fail_all(group: &mut [Active<'_>], reason: &str) {
+    for active in group.iter_mut().filter(|a| a.tracker.is_some()) {
+        active.tracker = None;
+        active.failed = Some(reason.to_string());
+    }
+}
+
+/// Reads frames in parallel; the first unreadable one is the error.
+fn decode(
+    context: &Context<'_>,
+    sequence: &Sequence,
+    range: Range<usize>,
+    gray: bool,
+    colour: bool,
+) -> Result<Vec<Ready>, String> {
+    let read = |index: usize| -> Result<Ready, String> {
+        let begin = Instant::now();
+        let decoded = panics::catch(|| sequence.read(index, colour))?.map_err(|e| e.to_string())?;
+        let frame = Frame::new(decoded, Arc::clone(&context.request.pre));
+        panics::catch(|| {
+            // Filtered here, so that no tracker's time includes it.
+            if gray {
+                frame.gray();
+            }
+            if colour {
+                frame.colour();
+            }
+        })?;
+        Ok(Ready {
+            index,
+            frame,
+            seconds: begin.elapsed().as_secs_f64(),
+        })
+    };
+    let frames: Vec<Result<Ready, String>> = range.into_par_iter().with_max_len(1).map(read).collect();
+    frames.into_iter().collect()
+}
+
+/// One tracker through one window, in order.
+fn track_window(context: &Context<'_>, sequence: &Sequence, active: &mut Active<'_>, window: &[Ready]) {
+    let start = active.unit.start;
+    let mut done = 0;
+    for ready in window.iter().filter(|ready| ready.index >= start) {
+        let Some(mut tracker) = active.tracker.take() else {
+            break;
+        };
+        if context.halted() {
+            return;
+        }
+        let begin = Instant::now();
+        let step = panics::catch(|| {
+            if ready.index == start {
+                initialise(tracker.as_mut(), sequence, ready)
+            } else {
+                Ok(step(tracker.as_mut(), &ready.frame))
+            }
+        });
+        let seconds = begin.elapsed().as_secs_f64();
+        match step {
+            Ok(Ok(row)) => active.rows.push(row),
+            Ok(Err(reason)) => active.failed = Some(reason),
+            Err(panic) => active.failed = Some(format!("panic in frame {}: {panic}", ready.index)),
+        }
+        if active.failed.is_some() {
+            // Dropping what has panicked may panic again.
+            let _ = panics::catch(|| drop(tracker));
+            break;
+        }
+        if ready.index > start {
+            active.seconds.push(seconds as f32);
+            active.input_seconds += ready.seconds;
+        }
+        done += 1;
+        active.tracker = Some(tracker);
+        if let Some(limit) = context.request.timeout {
+            let total: f64 = active.seconds.iter().map(|&s| f64::from(s)).sum();
+            if total > limit.as_secs_f64() {
+                active.tracker = None;
+                active.failed = Some(format!("longer than {} s", limit.as_secs_f64()));
+            }
+        }
+    }
+    context.observer.frames(done);
+}
+
+fn initialise(tracker: &mut dyn Tracker, sequence: &Sequence, ready: &Ready) -> Result<Row, String> {
+    let truth = sequence
+        .truth(ready.index)
+        .ok_or_else(|| format!("no ground truth in frame {} to start from", ready.index))?;
+    tracker
+        .init(&ready.frame, &truth)
+        .map_err(|e| format!("cannot start on {}: {e}", sequence.frame_name(ready.index)))?;
+    Ok(Row {
+        corners: round_corners(&tracker.corners()),
+        status: "init",
+        iterations: 0,
+        similarity: f64::NAN,
+    })
+}
+
+fn step(tracker: &mut dyn Tracker, frame: &Frame) -> Row {
+    match tracker.update(frame) {
+        Ok(update) => {
+            let corners = round_corners(&update.corners);
+            let status = match (corners, update.stop) {
+                (None, _) => "not_finite",
+                (_, Stop::Converged) => "converged",
+                (_, Stop::MaxIterations) => "max_iters",
+                (_, Stop::Done) => "ok",
+            };
+            Row {
+                corners,
+                status,
+                iterations: update.iterations,
+                similarity: update.similarity,
+            }
+        }
+        // The tracker stands where it last was: that is its answer, and it goes on from there.
+        Err(error) => Row {
+            corners: round_corners(&tracker.corners()),
+            status: error.word(),
+            iterations: 0,
+            similarity: f64::NAN,
+        },
+    }
+}
+
+/// Writes the unit's log and sends its line to the journal.
+fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequence, active: Active<'_>) {
+    let Active {
+        unit,
+        rows,
+        seconds,
+        input_seconds,
+        failed,
+        ..
+    } = active;
+    let tracker = &context.request.trackers[unit.tracker];
+    let path = context
+        .dir
+        .log(&tracker.slug, sequence.dataset(), sequence.name(), unit.start);
+    let truth = |i: usize| sequence.truth(i);
+    let mut entry = Entry {
+        key: unit.key.clone(),
+        tracker: tracker.name.id.clone(),
+        dataset: sequence.dataset().to_string(),
+        sequence: sequence.name().to_string(),
+        start: unit.start,
+        status: if failed.is_some() {
+            EntryStatus::Failed
+        } else {
+            EntryStatus::Ok
+        },
+        reason: failed,
+        frames: rows.len(),
+        log: None,
+        errors: None,
+        time: unit_time(seconds, input_seconds, context.pool.current_num_threads()),
+    };
+    let mut written = None;
+    if entry.status == EntryStatus::Ok && context.request.frame_logs == FrameLogs::Csv {
+        let bytes = format_log(&rows, unit.start, |i| sequence.frame_name(i).to_string(), truth);
+        entry.log = Some(digest(&bytes));
+        // Synced in groups by the journal, before the line that vouches for it.
+        if let Err(error) = write_atomic(&path, &bytes, false) {
+            return context.fail(error);
+        }
+        written = Some(path);
+    } else {
+        if entry.status == EntryStatus::Ok {
+            let corners: Vec<Option<Corners>> = rows.iter().map(|row| row.corners).collect();
+            entry.errors = Some(
+                score_log(unit.start, &corners, truth)
+                    .into_iter()
+                    .map(|e| e.map(pack))
+                    .collect(),
+            );
+        }
+        // A log of an earlier run with other settings would be taken for this unit's by readers.
+        let _ = std::fs::remove_file(path);
+    }
+    context.observer.unit(&entry);
+    // The receiver only goes away after an error, which it has recorded.
+    let _ = journal.send(Finished { entry, log: written });
+}
+
+fn pack(e: FrameError) -> [f64; 4] {
+    [e.al, e.mcd, e.cl, e.jaccard]
+}
+
+fn unit_time(mut seconds: Vec<f32>, input_seconds: f64, threads: usize) -> UnitTime {
+    let total: f64 = seconds.iter().map(|&s| f64::from(s)).sum();
+    seconds.sort_by(f32::total_cmp);
+    let quantile = |q: f64| match seconds.len() {
+        0 => 0.0,
+        n => 1e3 * f64::from(seconds[((q * (n - 1) as f64).round() as usize).min(n - 1)]),
+    };
+    UnitTime {
+        seconds: total,
+        ms_median: quantile(0.5),
+        ms_p95: quantile(0.95),
+        input_seconds,
+        updates: seconds.len(),
+        threads,
+        finished: super::utc_now(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lanes_fill_the_threads_and_no_more() {
+        assert_eq!(lanes(1, 1, 12), 1);
+        assert_eq!(lanes(8, 1, 12), 8);
+        assert_eq!(lanes(8, 1, 3), 3);
+        assert_eq!(lanes(8, 5, 12), 4);
+        assert_eq!(lanes(8, 2000, 12), 1);
+        assert_eq!(lanes(2, 1, 0), 1);
+    }
+
+    #[test]
+    fn quantiles_are_taken_over_the_updates() {
+        let time = unit_time((1..=100).rev().map(|k| k as f32 * 1e-3).collect(), 0.5, 2);
+        assert!((time.seconds - 5.05).abs() < 1e-6);
+        assert!((time.ms_median - 51.0).abs() < 1e-4 && (time.ms_p95 - 95.0).abs() < 1e-4);
+        assert_eq!(unit_time(Vec::new(), 0.0, 1).ms_p95, 0.0);
+    }
+}

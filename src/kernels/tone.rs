@@ -1,0 +1,392 @@
+//! Tone maps: the mean of one patch given the other, in bins of intensity or as a line, globally or in windows whose
+//! maps are blended.
+//!
+//! A map is kept as a *shift*: `m(v) = v + d(v)`. With `a` the patch whose tones are mapped and `b` the other one, the
+//! shift of a bin is the mean of `b - a` over the bin, so equal patches have no shift at all.
+
+use super::{Lanes, WIDTH, dispatch};
+
+/// Part of a patch: `cols x rows` points from `(x, y)` on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// First column.
+    pub x: usize,
+    /// First row.
+    pub y: usize,
+    /// Columns.
+    pub cols: usize,
+    /// Rows.
+    pub rows: usize,
+}
+
+impl Window {
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.cols * self.rows
+    }
+    /// True when it holds no point.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+    fn centre(&self) -> [f32; 2] {
+        [
+            self.x as f32 + 0.5 * (self.cols as f32 - 1.0),
+            self.y as f32 + 0.5 * (self.rows as f32 - 1.0),
+        ]
+    }
+    /// Index ranges of its rows in a patch of `stride` columns.
+    fn ranges(self, stride: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+        (self.y..self.y + self.rows).map(move |y| y * stride + self.x..y * stride + self.x + self.cols)
+    }
+}
+
+dispatch! {
+    /// Bin of each value: `floor(a_i * per_level)`, held to `0..=last`.
+    pub fn tone_bins(a: &[f32], per_level: f32, last: u8, out: &mut [u8]) = bins_lanes;
+    /// `[Σ (a - pivot), Σ (a - pivot)², Σ (b - a), Σ (a - pivot)(b - a)]` over a window of patches of `stride` columns.
+    pub fn line_sums(a: &[f32], b: &[f32], pivot: f32, stride: usize, window: Window) -> [f64; 4] = line_sums_lanes;
+    /// Shift `d` of each value, constant within a bin: `tables[w * bins + bin]` for window `w`, blended. `slope`, when
+    /// not empty, receives `dm/dv` from the neighbouring bins.
+    pub fn step_shift(
+        indices: &[u8], per_level: f32, tables: &[f32], stride: usize, windows: &[Window], out: &mut [f32],
+        slope: &mut [f32],
+    ) = step_lanes;
+    /// The same, interpolated between the centres of the bins.
+    pub fn linear_shift(
+        a: &[f32], per_level: f32, tables: &[f32], stride: usize, windows: &[Window], out: &mut [f32],
+        slope: &mut [f32],
+    ) = linear_lanes;
+    /// The same with a line `d = lines[w][0] + lines[w][1] (v - pivot)` for each window.
+    pub fn line_shift(
+        a: &[f32], pivot: f32, lines: &[[f32; 2]], stride: usize, windows: &[Window], out: &mut [f32],
+        slope: &mut [f32],
+    ) = line_lanes;
+    /// `out_i = a_i + shift_i - b_i`; returns `Σ out_i²`.
+    pub fn shifted_residual(a: &[f32], shift: &[f32], b: &[f32], out: &mut [f32]) -> f64 = residual_lanes;
+}
+
+/// Adds count and `Σ (b - a)` of each bin over a window of patches of `stride` columns.
+pub fn tone_sums(
+    bins: &[u8],
+    a: &[f32],
+    b: &[f32],
+    stride: usize,
+    window: Window,
+    sums: &mut [[f64; 2]; 256],
+) {
+    for range in window.ranges(stride) {
+        let (bins, a, b) = (&bins[range.clone()], &a[range.clone()], &b[range]);
+        for ((&k, &a), &b) in bins.iter().zip(a).zip(b) {
+            let [count, sum] = &mut sums[usize::from(k)];
+            *count += 1.0;
+            *sum += f64::from(b - a);
+        }
+    }
+}
+
+#[inline(always)]
+fn bins_lanes<V: Lanes>(a: &[f32], per_level: f32, last: u8, out: &mut [u8]) {
+    let out = &mut out[..a.len()];
+    let (scale, top) = (V::splat(per_level), V::splat(f32::from(last)));
+    for i in (0..a.len()).step_by(WIDTH) {
+        let v = V::load_at(a, i).mul(scale).max(V::splat(0.0)).min(top).to_array();
+        for (o, v) in out[i..].iter_mut().zip(v) {
+            *o = v as u8;
+        }
+    }
+}
+
+#[inline(always)]
+fn line_sums_lanes<V: Lanes>(a: &[f32], b: &[f32], pivot: f32, stride: usize, window: Window) -> [f64; 4] {
+    let mut total = [0.0; 4];
+    for range in window.ranges(stride) {
+        let (a, b) = (&a[range.clone()], &b[range]);
+        let mut acc = [V::splat(0.0); 4];
+        let full = a.len() - a.len() % WIDTH;
+        for i in (0..full).step_by(WIDTH) {
+            let (v, o) = (V::load(&a[i..]), V::load(&b[i..]));
+            let (c, d) = (v.sub(V::splat(pivot)), o.sub(v));
+            acc[0] = acc[0].add(c);
+            acc[1] = c.mul_add(c, acc[1]);
+            acc[2] = acc[2].add(d);
+            acc[3] = c.mul_add(d, acc[3]);
+            // Long rows are widened now and then.
+            if i % (64 * WIDTH) == 63 * WIDTH {
+                for (t, s) in total.iter_mut().zip(&mut acc) {
+                    *t += s.sum();
+                    *s = V::splat(0.0);
+                }
+            }
+        }
+        for (t, s) in total.iter_mut().zip(&acc) {
+            *t += s.sum();
+        }
+        for (&v, &o) in a[full..].iter().zip(&b[full..]) {
+            let (c, d) = (f64::from(v) - f64::from(pivot), f64::from(o - v));
+            for (t, s) in total.iter_mut().zip([c, c * c, d, c * d]) {
+                *t += s;
+            }
+        }
+    }
+    total
+}
+
+/// Blends the windows' maps at each point with weights `1 / (1 + |x - centre|²)`, normalised. `at(w, i)` returns shift
+/// and slope minus one of window `w` at the points from `i` on.
+#[inline(always)]
+fn blend<V: Lanes>(
+    stride: usize,
+    windows: &[Window],
+    out: &mut [f32],
+    slope: &mut [f32],
+    mut at: impl FnMut(usize, usize) -> [V; 2],
+) {
+    let ramp = V::from_array(std::array::from_fn(|l| l as f32));
+    let sloped = !slope.is_empty();
+    let rows = out.len() / stride;
+    for y in 0..rows {
+        for x in (0..stride).step_by(WIDTH) {
+            let i = y * stride + x;
+            let [d, s] = if windows.len() == 1 {
+                at(0, i)
+            } else {
+                let column = ramp.add(V::splat(x as f32));
+                let (mut weights, mut shift, mut extra) = (V::splat(0.0), V::splat(0.0), V::splat(0.0));
+                for (k, window) in windows.iter().enumerate() {
+                    let [cx, cy] = window.centre();
+                    let (dx, dy) = (column.sub(V::splat(cx)), y as f32 - cy);
+                    let w = V::splat(1.0).div(dx.mul_add(dx, V::splat(dy * dy + 1.0)));
+                    let [d, s] = at(k, i);
+                    weights = weights.add(w);
+                    shift = w.mul_add(d, shift);
+                    extra = w.mul_add(s, extra);
+                }
+                [shift.div(weights), extra.div(weights)]
+            };
+            let end = (i + WIDTH).min((y + 1) * stride);
+            d.store_at(&mut out[i..end], 0);
+            if sloped {
+                s.add(V::splat(1.0)).store_at(&mut slope[i..end], 0);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn step_lanes<V: Lanes>(
+    indices: &[u8],
+    per_level: f32,
+    tables: &[f32],
+    stride: usize,
+    windows: &[Window],
+    out: &mut [f32],
+    slope: &mut [f32],
+) {
+    let bins = tables.len() / windows.len();
+    let sloped = !slope.is_empty();
+    blend::<V>(stride, windows, out, slope, |w, i| {
+        let table = &tables[w * bins..(w + 1) * bins];
+        let index = |l: usize| usize::from(indices[(i + l).min(indices.len() - 1)]).min(bins - 1);
+        let shift = V::from_array(std::array::from_fn(|l| table[index(l)]));
+        if !sloped {
+            return [shift, V::splat(0.0)];
+        }
+        let rise = V::from_array(std::array::from_fn(|l| {
+            let (low, high) = (index(l).saturating_sub(1), (index(l) + 1).min(bins - 1));
+            (table[high] - table[low]) / (high - low).max(1) as f32
+        }));
+        [shift, rise.mul(V::splat(per_level))]
+    });
+}
+
+#[inline(always)]
+fn linear_lanes<V: Lanes>(
+    a: &[f32],
+    per_level: f32,
+    tables: &[f32],
+    stride: usize,
+    windows: &[Window],
+    out: &mut [f32],
+    slope: &mut [f32],
+) {
+    let bins = tables.len() / windows.len();
+    let top = V::splat((bins - 1) as f32);
+    blend::<V>(stride, windows, out, slope, |w, i| {
+        let table = &tables[w * bins..(w + 1) * bins];
+        let v = V::load_at(a, i).mul_add(V::splat(per_level), V::splat(-0.5));
+        let position = v.max(V::splat(0.0)).min(top);
+        let low = position.floor();
+        let index = low.to_array();
+        let tap = |k: usize| {
+            V::from_array(std::array::from_fn(|l| {
+                table[(index[l] as usize + k).min(bins - 1)]
+            }))
+        };
+        let start = tap(0);
+        let rise = tap(1).sub(start);
+        [
+            position.sub(low).mul_add(rise, start),
+            rise.mul(V::splat(per_level)),
+        ]
+    });
+}
+
+#[inline(always)]
+fn line_lanes<V: Lanes>(
+    a: &[f32],
+    pivot: f32,
+    lines: &[[f32; 2]],
+    stride: usize,
+    windows: &[Window],
+    out: &mut [f32],
+    slope: &mut [f32],
+) {
+    blend::<V>(stride, windows, out, slope, |w, i| {
+        let [offset, gain] = lines[w];
+        let v = V::load_at(a, i).sub(V::splat(pivot));
+        [v.mul_add(V::splat(gain), V::splat(offset)), V::splat(gain)]
+    });
+}
+
+#[inline(always)]
+fn residual_lanes<V: Lanes>(a: &[f32], shift: &[f32], b: &[f32], out: &mut [f32]) -> f64 {
+    let n = a.len();
+    let (shift, b, out) = (&shift[..n], &b[..n], &mut out[..n]);
+    let (mut total, mut start) = (0.0, 0);
+    while start < n {
+        let end = (start + 32 * WIDTH).min(n);
+        let mut acc = V::splat(0.0);
+        for i in (start..end).step_by(WIDTH) {
+            // Difference first: the shift is of its size.
+            let e = V::load_at(a, i).sub(V::load_at(b, i)).add(V::load_at(shift, i));
+            e.store_at(out, i);
+            acc = e.mul_add(e, acc);
+        }
+        total += acc.sum();
+        start = end;
+    }
+    total
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::Portable;
+    use proptest::prelude::*;
+
+    const BINS: usize = 16;
+    const PER_LEVEL: f32 = BINS as f32 / 256.0;
+
+    fn windows(cols: usize, rows: usize) -> Vec<Window> {
+        let (w, h) = (cols.div_ceil(2), rows.div_ceil(2));
+        let at = |x, y| Window {
+            x,
+            y,
+            cols: w,
+            rows: h,
+        };
+        vec![at(0, 0), at(cols - w, 0), at(0, rows - h), at(cols - w, rows - h)]
+    }
+
+    /// Blended value at point `i` of one number per window.
+    fn blended(windows: &[Window], cols: usize, i: usize, value: impl Fn(usize) -> f64) -> f64 {
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for (k, w) in windows.iter().enumerate() {
+            let [cx, cy] = w.centre().map(f64::from);
+            let weight = 1.0 / (1.0 + ((i % cols) as f64 - cx).powi(2) + ((i / cols) as f64 - cy).powi(2));
+            sum += weight * value(k);
+            weights += weight;
+        }
+        sum / weights
+    }
+
+    proptest! {
+        #[test]
+        fn agree_with_f64_loops_and_between_instruction_sets(
+            cols in 2usize..40, rows in 2usize..12, seed in 0u32..1000, local: bool,
+        ) {
+            let n = cols * rows;
+            let value = |i: usize, k: u32| {
+                let v = (i as u32).wrapping_mul(2654435761).wrapping_add((k + seed).wrapping_mul(40503)) >> 8;
+                (v % 25501) as f32 / 100.0
+            };
+            let a: Vec<f32> = (0..n).map(|i| value(i, 1)).collect();
+            let b: Vec<f32> = (0..n).map(|i| value(i, 2)).collect();
+            let whole = Window { x: 0, y: 0, cols, rows };
+            let windows = if local { windows(cols, rows) } else { vec![whole] };
+
+            let mut bins = vec![0u8; n];
+            tone_bins(&a, PER_LEVEL, (BINS - 1) as u8, &mut bins);
+            for (k, a) in bins.iter().zip(&a) {
+                prop_assert_eq!(usize::from(*k), ((a / 16.0) as usize).min(BINS - 1));
+            }
+            let mut sums = [[0.0; 2]; 256];
+            let window = *windows.last().unwrap();
+            tone_sums(&bins, &a, &b, cols, window, &mut sums);
+            prop_assert_eq!(sums.iter().map(|s| s[0]).sum::<f64>(), window.len() as f64);
+            let expected: Vec<[f64; 2]> = window
+                .ranges(cols)
+                .flatten()
+                .map(|i| [f64::from(a[i]) - 100.0, f64::from(b[i]) - f64::from(a[i])])
+                .collect();
+            let total = |f: &dyn Fn(&[f64; 2]) -> f64| expected.iter().map(f).sum::<f64>();
+            prop_assert!((sums.iter().map(|s| s[1]).sum::<f64>() - total(&|e| e[1])).abs() < 1e-3);
+            let line = line_sums(&a, &b, 100.0, cols, window);
+            prop_assert_eq!(line, line_sums_lanes::<Portable>(&a, &b, 100.0, cols, window));
+            let exact = [total(&|e| e[0]), total(&|e| e[0] * e[0]), total(&|e| e[1]), total(&|e| e[0] * e[1])];
+            for (l, e) in line.iter().zip(exact) {
+                prop_assert!((l - e).abs() < 1e-6 * 65025.0 * n as f64);
+            }
+
+            let tables: Vec<f32> = (0..windows.len() * BINS).map(|i| value(i, 3) - 128.0).collect();
+            let lines: Vec<[f32; 2]> = (0..windows.len()).map(|i| [value(i, 4), value(i, 5) / 255.0 - 0.5]).collect();
+            let new = || (vec![0.0; n], vec![0.0; n]);
+            let ((mut d, mut s), (mut dp, mut sp)) = (new(), new());
+            step_shift(&bins, PER_LEVEL, &tables, cols, &windows, &mut d, &mut s);
+            step_lanes::<Portable>(&bins, PER_LEVEL, &tables, cols, &windows, &mut dp, &mut sp);
+            prop_assert_eq!((&d, &s), (&dp, &sp));
+            for i in 0..n {
+                let k = usize::from(bins[i]);
+                let e = blended(&windows, cols, i, |w| tables[w * BINS + k].into());
+                prop_assert!((f64::from(d[i]) - e).abs() < 1e-3);
+                let (low, high) = (k.saturating_sub(1), (k + 1).min(BINS - 1));
+                let rise = |w: usize| f64::from(tables[w * BINS + high]) - f64::from(tables[w * BINS + low]);
+                let e = 1.0 + blended(&windows, cols, i, rise) / (16.0 * (high - low) as f64);
+                prop_assert!((f64::from(s[i]) - e).abs() < 1e-3);
+            }
+            step_shift(&bins, PER_LEVEL, &tables, cols, &windows, &mut dp, &mut []);
+            prop_assert_eq!(&d, &dp);
+            linear_shift(&a, PER_LEVEL, &tables, cols, &windows, &mut d, &mut s);
+            linear_lanes::<Portable>(&a, PER_LEVEL, &tables, cols, &windows, &mut dp, &mut sp);
+            prop_assert_eq!((&d, &s), (&dp, &sp));
+            for i in 0..n {
+                let p = (f64::from(a[i]) / 16.0 - 0.5).clamp(0.0, (BINS - 1) as f64);
+                let (k, t) = (p.floor() as usize, p.fract());
+                let at = |w: usize, k: usize| f64::from(tables[w * BINS + k.min(BINS - 1)]);
+                let e = blended(&windows, cols, i, |w| at(w, k) + t * (at(w, k + 1) - at(w, k)));
+                prop_assert!((f64::from(d[i]) - e).abs() < 1e-2);
+            }
+            line_shift(&a, 100.0, &lines, cols, &windows, &mut d, &mut s);
+            line_lanes::<Portable>(&a, 100.0, &lines, cols, &windows, &mut dp, &mut sp);
+            prop_assert_eq!((&d, &s), (&dp, &sp));
+            for i in 0..n {
+                let v = f64::from(a[i]) - 100.0;
+                let e = blended(&windows, cols, i, |w| f64::from(lines[w][0]) + v * f64::from(lines[w][1]));
+                prop_assert!((f64::from(d[i]) - e).abs() < 1e-2);
+                let e = 1.0 + blended(&windows, cols, i, |w| lines[w][1].into());
+                prop_assert!((f64::from(s[i]) - e).abs() < 1e-4);
+            }
+            let total = shifted_residual(&a, &d, &b, &mut s);
+            prop_assert_eq!(total, residual_lanes::<Portable>(&a, &d, &b, &mut sp));
+            let e: f64 = (0..n).map(|i| (f64::from(a[i]) + f64::from(d[i]) - f64::from(b[i])).powi(2)).sum();
+            prop_assert!((total - e).abs() < 1e-5 * e + 1e-6);
+        }
+    }
+
+    #[test]
+    fn numbers_outside_the_range_land_in_the_outer_bins() {
+        let mut bins = [9u8; 5];
+        tone_bins(&[-3.0, 0.0, 255.0, 300.0, f32::NAN], 0.25, 63, &mut bins);
+        assert_eq!(bins, [0, 0, 63, 63, 0]);
+    }
+}
