@@ -261,3 +261,49 @@ fn failures_are_typed_and_leave_the_tracker_usable() {
         assert!(alignment_error(&update.corners, &quad()) < 0.01, "{id}");
     }
 }
+
+/// Motion inside a warp's family is found exactly by every Lucas-Kanade method that accepts the warp.
+#[test]
+fn every_warp_recovers_its_own_motion() {
+    use mtf_eval::ssm::{SSMS, StateSpaceModel};
+    use rand::RngExt;
+    let registry = Registry::builtin();
+    let waves = Waves::new(13);
+    for entry in SSMS {
+        let mut ssm: Box<dyn StateSpaceModel> = (entry.build)(&[]).unwrap();
+        let res = mtf_eval::params::Resolution { cols: 50, rows: 50 };
+        ssm.init(&quad(), res).unwrap();
+        // Warps that no matrix describes are tested on their own; here they follow a translation.
+        let rigid = ssm.capabilities().compositional;
+        let mut r = common::rng(31);
+        let state = |r: &mut rand_pcg::Pcg64| -> Vec<f64> {
+            (0..ssm.dof()).map(|_| r.random_range(-0.035..0.035)).collect()
+        };
+        let truth = if rigid {
+            let p = state(&mut r);
+            ssm.set_state(&p).unwrap();
+            ssm.corners()
+        } else {
+            quad().translated(1.7, -1.2)
+        };
+        let motion = homography::from_corners(&quad(), &truth).unwrap();
+        let next = moved(&waves, SIZE, &motion);
+        for sm in ["falk", "ialk", "fclk", "iclk", "esm"] {
+            let spec = registry
+                .parse(&format!("{sm}/ssd/{}{{max_iters=100,epsilon=1e-9}}", entry.name))
+                .unwrap();
+            let Ok(mut tracker) = registry.build(&spec) else {
+                assert!(!rigid, "{spec}");
+                continue;
+            };
+            tracker.init(&still(&waves), &quad()).unwrap();
+            let update = tracker.update(&next).unwrap_or_else(|e| panic!("{spec}: {e}"));
+            let error = alignment_error(&update.corners, &truth);
+            assert!(
+                error < 0.02,
+                "{spec}: {error} px after {} iterations",
+                update.iterations
+            );
+        }
+    }
+}

@@ -573,6 +573,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         let image = frame.with_channels(self.channels());
         let mut ws = self.workspace();
         self.accepted.copy_from_slice(self.ssm.state());
+        self.ssm.begin_frame();
         self.am.begin_frame();
         match self.search(image, &mut ws) {
             Ok((stop, iterations)) => Ok(Update {

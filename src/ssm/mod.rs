@@ -36,7 +36,7 @@ pub use asrt::AsrtModel;
 pub use ast::AstModel;
 pub use cbh::CbhModel;
 pub use frame::BaseFrame;
-pub use freeform::{Basis, FreeForm, Weight};
+pub use freeform::{Basis, BendPenalty, FreeForm, Weight};
 pub use homography::HomographyModel;
 pub use isometry::IsometryModel;
 pub use ist::IstModel;
@@ -254,6 +254,9 @@ pub trait StateSpaceModel: Send {
         self.corners().distance_squared(corners)
     }
 
+    /// Called by search methods at the start of each frame, with the state of the frame before.
+    fn begin_frame(&mut self) {}
+
     /// Adds what is known of likely states to the gradient and the (negative definite) Hessian of an additive step.
     fn regularise(&self, _gradient: &mut [f64], _hessian: &mut SymMatrix) {}
 
@@ -347,6 +350,9 @@ impl<T: StateSpaceModel + ?Sized> StateSpaceModel for Box<T> {
     }
     fn motion_squared(&self, corners: &Corners, state: &[f64]) -> f64 {
         (**self).motion_squared(corners, state)
+    }
+    fn begin_frame(&mut self) {
+        (**self).begin_frame()
     }
     fn regularise(&self, gradient: &mut [f64], hessian: &mut SymMatrix) {
         (**self).regularise(gradient, hessian)

@@ -5,7 +5,7 @@
 //! bilinear interpolation between centres, continued linearly beyond the outermost ones.
 
 use super::frame::BaseFrame;
-use super::freeform::{Basis, Weight};
+use super::freeform::{Basis, BendPenalty, Weight};
 use crate::geom::{Mat3, homography};
 use crate::params::{Resolution, param_enum};
 use crate::tracker::TrackError;
@@ -29,8 +29,10 @@ crate::params! {
         control_overlap: f64 = 0.0, in 0.0..=1000.0;
         /// Beyond the outermost control points, with bilinear interpolation: linear or constant.
         control_edge: SplineEdge = SplineEdge::Linear;
-        /// Penalty on bending, relative to the mean diagonal of the Hessian.
-        bend_penalty: f64 = 1e-3, in 0.0..=1e6;
+        /// Penalty on unexpected bending, relative to the mean diagonal of the Hessian.
+        bend_penalty: f64 = 3.0, in 0.0..=1e6;
+        /// Fraction of a frame's bend that is expected in the next one.
+        bend_memory: f64 = 0.9, in 0.0..=1.0;
     }
 }
 
@@ -170,8 +172,11 @@ impl Basis for SplineBasis {
         }
     }
 
-    fn penalty(&self) -> f64 {
-        self.params.bend_penalty
+    fn penalty(&self) -> BendPenalty {
+        BendPenalty {
+            weight: self.params.bend_penalty,
+            memory: self.params.bend_memory,
+        }
     }
 }
 

@@ -5,7 +5,7 @@
 //! `P_j = (1, c_j)`. Affine motions are reproduced exactly.
 
 use super::frame::BaseFrame;
-use super::freeform::{Basis, Weight};
+use super::freeform::{Basis, BendPenalty, Weight};
 use crate::geom::homography;
 use crate::params::Resolution;
 use crate::tracker::TrackError;
@@ -18,8 +18,10 @@ crate::params! {
         control_net: Resolution = Resolution { cols: 4, rows: 4 };
         /// Stiffness λ: 0 interpolates the control points.
         stiffness: f64 = 0.0, in 0.0..=1e6;
-        /// Penalty on bending, relative to the mean diagonal of the Hessian.
-        bend_penalty: f64 = 1e-3, in 0.0..=1e6;
+        /// Penalty on unexpected bending, relative to the mean diagonal of the Hessian.
+        bend_penalty: f64 = 1.0, in 0.0..=1e6;
+        /// Fraction of a frame's bend that is expected in the next one.
+        bend_memory: f64 = 0.9, in 0.0..=1.0;
     }
 }
 
@@ -119,7 +121,10 @@ impl Basis for TpsBasis {
         }
     }
 
-    fn penalty(&self) -> f64 {
-        self.params.bend_penalty
+    fn penalty(&self) -> BendPenalty {
+        BendPenalty {
+            weight: self.params.bend_penalty,
+            memory: self.params.bend_memory,
+        }
     }
 }
