@@ -83,6 +83,12 @@ pub trait Tracker: Send {
     /// Current corners in image pixels.
     fn corners(&self) -> Corners;
 
+    /// Where a place `x` of the object in the frame it was initialised on (px) is now. `None`: as the plane through the
+    /// corners tells.
+    fn place(&self, _x: [f64; 2]) -> Option<[f64; 2]> {
+        None
+    }
+
     /// Seed of all randomness; called before `init`. Trackers without randomness ignore it.
     fn reseed(&mut self, _seed: u64) {}
 
@@ -109,6 +115,9 @@ impl<T: Tracker + ?Sized> Tracker for Box<T> {
     }
     fn corners(&self) -> Corners {
         (**self).corners()
+    }
+    fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
+        (**self).place(x)
     }
     fn reseed(&mut self, seed: u64) {
         (**self).reseed(seed)

@@ -383,3 +383,34 @@ fn a_closed_pipe_is_no_failure() {
         .unwrap();
     assert!(status.success(), "{status:?}");
 }
+
+#[test]
+fn truth_is_fitted_with_a_warp_of_fewer_degrees_of_freedom() {
+    let dir = tempfile::tempdir().unwrap();
+    let mean = |extra: &[&str]| {
+        let run =
+            "run --seq plain-poster --sm esm --am ssd --ssm translation -q --format json --force --out out";
+        let mut command = program(dir.path());
+        let output = command.args(run.split(' ')).args(extra).assert().success();
+        let summary: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
+        summary["trackers"][0]["summary"][0]["al_mean"].as_f64().unwrap()
+    };
+    // The sequence turns by up to 25 degrees, which a shift cannot follow.
+    let (plain, fitted) = (mean(&[]), mean(&["--gt-ssm", "translation"]));
+    assert!(
+        fitted < 0.7 * plain,
+        "{fitted} px, {plain} px against the unfitted truth"
+    );
+    assert!((mean(&["--gt-ssm", "homography"]) - plain).abs() < 1e-4);
+    let run: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(dir.path().join("out/run.json")).unwrap()).unwrap();
+    assert_eq!(run["gt_ssm"], "homography");
+    for (name, message) in [
+        ("translatoin", "did you mean 'translation'?"),
+        ("all", "give one state space model"),
+    ] {
+        let mut command = program(dir.path());
+        let refused = command.args(["run", "--gt-ssm", name]).assert().code(2);
+        refused.stderr(contains(message)).stdout(is_empty());
+    }
+}

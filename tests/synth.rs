@@ -12,8 +12,8 @@ use clap::Parser;
 use esm::Gray;
 use mtf_eval::geom::Corners;
 use mtf_eval::synth::{
-    Format, Mode, SynthSpec, builtin_commands, builtin_spec, encode, frames, ground_truth, metadata,
-    render_sequence, write_sequence,
+    Format, Mode, SynthSpec, builtin_commands, builtin_spec, dense_ground_truth, encode, frames,
+    ground_truth, metadata, render_sequence, write_sequence,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -115,7 +115,13 @@ fn texts_and_a_frame_of_every_sequence_are_rendered_again() {
     for (name, spec) in specs() {
         let sequence = render_sequence(&spec).unwrap();
         let kept = files(&builtin_dir().join(&name));
-        assert_eq!(kept.len(), spec.frames + 2, "{name}");
+        assert_eq!(
+            kept.len(),
+            spec.frames + 2 + usize::from(spec.bend > 0.0),
+            "{name}"
+        );
+        let dense = dense_ground_truth(&sequence, spec.format).map(String::into_bytes);
+        assert!(kept.get("groundtruth_grid.csv") == dense.as_ref(), "{name}");
         assert!(
             kept["groundtruth.txt"] == ground_truth(&sequence, spec.format).into_bytes(),
             "{name}"
@@ -157,7 +163,7 @@ fn the_dataset_is_small_complete_and_tagged() {
     }
     assert!(names_tagged("plain").len() >= 6);
     assert_eq!(names_tagged("quick").len(), 3);
-    for tag in "lighting perspective fast scale blur noise weak repetition occlusion".split(' ') {
+    for tag in "lighting perspective fast scale blur noise weak repetition occlusion bending".split(' ') {
         assert_eq!(names_tagged(tag).len(), 1, "{tag}");
     }
 }
@@ -177,6 +183,14 @@ fn ground_truth_agrees_with_an_independent_computation() {
             {
                 // Point by point instead of by matrices: tilt, then turn, of the sheet in the first frame.
                 let (x, y) = (sx * w / 2.0, sy * h / 2.0);
+                // Where the bent sheet has this corner: half-way steps until the wave there leads to it.
+                let b = 0.5 * spec.bend * (1.0 - (3.0 * std::f64::consts::PI * i as f64 / 59.0).cos());
+                let (mut u, mut v) = (x, y);
+                for _ in 0..200 {
+                    let d = b * ((3.4 * (u + 0.4 * v) / w).cos() - 0.5);
+                    (u, v) = (u + 0.5 * (x - u - 0.5 * d), v + 0.5 * (y - v - d));
+                }
+                let (x, y) = (u, v);
                 let d = 1.0 + spec.lean / w * x + 0.6 * spec.lean / h * y;
                 let (x, y) = rotated(x / d, y / d, spec.turn / 180.0 * std::f64::consts::PI);
                 // The warp to frame i: tilt, shear, scale and turn about the first frame's centre, shift.
@@ -197,6 +211,15 @@ fn ground_truth_agrees_with_an_independent_computation() {
                 row.0
                     .iter()
                     .all(|[x, y]| (0.0..=319.0).contains(x) && (0.0..=239.0).contains(y))
+            );
+        }
+        for (i, row) in rows.iter().enumerate() {
+            let Some(grid) = sequence.grid(i) else { continue };
+            let far = |k: usize, c: usize| (grid[k][0] - row.0[c][0]).hypot(grid[k][1] - row.0[c][1]);
+            assert!(
+                [(0, 0), (9, 1), (99, 2), (90, 3)]
+                    .into_iter()
+                    .all(|(k, c)| far(k, c) < 1e-6)
             );
         }
         // Off the pixel grid from the start.

@@ -179,6 +179,10 @@ pub struct SelectionArgs {
     /// Only every K-th frame
     #[arg(long, value_name = "K", default_value = "1", value_parser = at_least_one)]
     pub frame_gap: usize,
+    /// Fit the ground truth with this warp first (translation, isometry, ...), to judge trackers of few degrees of freedom
+    /// by what they can follow
+    #[arg(long, value_name = "SSM")]
+    pub gt_ssm: Option<String>,
     /// What to do with a sequence whose data is faulty
     #[arg(long, value_name = "WHAT", default_value = "fail")]
     pub on_bad_data: OnBadData,

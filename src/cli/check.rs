@@ -309,6 +309,7 @@ mod tests {
                 .iter()
                 .map(|d| Some(frame_error(&truth.translated(*d, 0.0), &truth)))
                 .collect(),
+            grid: Vec::new(),
         }
     }
 

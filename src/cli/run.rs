@@ -9,10 +9,12 @@ use clap::Parser;
 use globset::{GlobBuilder, GlobSet, GlobSetBuilder};
 use mtf_eval::dataset::{self, LoadOptions, Sequence};
 use mtf_eval::eval::baseline::recordable;
+use mtf_eval::eval::plan::sequence_id;
 use mtf_eval::eval::{self, FrameLogs, RunError, RunReport, RunRequest, TrackerEntry};
 use mtf_eval::image::parse_preprocessor;
 use mtf_eval::output::{TableOptions, table};
 use mtf_eval::registry::{Registry, Selection};
+use mtf_eval::ssm;
 use serde_json::Map;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use std::collections::BTreeMap;
@@ -106,8 +108,12 @@ fn failure(error: RunError) -> Failure {
 /// The request that the arguments describe.
 fn request(args: &RunArgs, command: &[String], console: &Console) -> Result<RunRequest, Failure> {
     let pre = parse_preprocessor(&args.trackers.pre).map_err(Failure::usage)?;
-    let trackers = trackers(&args.trackers, &Arc::new(Registry::builtin()), console)?;
-    let sequences = sequences(&args.data, &args.selection, console)?;
+    let registry = Arc::new(Registry::builtin());
+    let trackers = trackers(&args.trackers, &registry, console)?;
+    let mut sequences = sequences(&args.data, &args.selection, console)?;
+    if let Some(name) = &args.selection.gt_ssm {
+        fit_truth(&mut sequences, &registry, name)?;
+    }
     let ExecutionArgs {
         out,
         force,
@@ -125,6 +131,7 @@ fn request(args: &RunArgs, command: &[String], console: &Console) -> Result<RunR
     let mut about = Map::new();
     about.insert("frame_gap".into(), args.selection.frame_gap.into());
     about.insert("max_frames".into(), args.selection.max_frames.into());
+    about.insert("gt_ssm".into(), args.selection.gt_ssm.clone().into());
     about.insert("command".into(), command.into());
     let mut host = Map::new();
     host.insert("revision".into(), option_env!("MTF_EVAL_REVISION").into());
@@ -256,6 +263,28 @@ fn sequences(data: &[PathBuf], args: &SelectionArgs, console: &Console) -> Resul
         ));
     }
     Ok(chosen)
+}
+
+/// Replaces ground truth by what the state space model `name` can follow of it.
+fn fit_truth(sequences: &mut [Sequence], registry: &Registry, name: &str) -> Result<(), Failure> {
+    let models = registry
+        .select_ssms(name)
+        .map_err(|e| Failure::usage(format!("--gt-ssm: {e}")))?;
+    let [model] = models[..] else {
+        return Err(Failure::usage(format!(
+            "--gt-ssm {name}: give one state space model"
+        )));
+    };
+    for sequence in sequences {
+        let fitted = sequence.with_fitted_truth(|first, corners| ssm::fit_truth(model, first, corners));
+        *sequence = fitted.map_err(|(frame, e)| {
+            let id = sequence_id(sequence);
+            Failure::usage(format!(
+                "{id}: --gt-ssm {name} does not fit the ground truth of {frame}: {e}"
+            ))
+        })?;
+    }
+    Ok(())
 }
 
 fn globs(patterns: &[String]) -> Result<GlobSet, Failure> {

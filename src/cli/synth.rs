@@ -95,6 +95,9 @@ pub struct SynthArgs {
     /// Perspective amplitude: change of depth across the box
     #[arg(long, value_name = "F", help_heading = "Motion")]
     pub tilt: Option<String>,
+    /// Bend the object like a page: shift of its points within its plane, px; writes dense ground truth [default: 0]
+    #[arg(long, value_name = "PX", help_heading = "Motion")]
+    pub bend: Option<String>,
     /// Let corners leave the frame (otherwise the motion is scaled down until they stay inside)
     #[arg(long, help_heading = "Motion")]
     pub allow_outside: bool,
@@ -163,6 +166,7 @@ impl SynthArgs {
             ("zoom", &self.zoom),
             ("stretch", &self.stretch),
             ("tilt", &self.tilt),
+            ("bend", &self.bend),
             ("light", &self.light),
             ("noise", &self.noise),
             ("blur", &self.blur),

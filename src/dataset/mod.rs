@@ -6,6 +6,7 @@
 
 mod check;
 mod error;
+mod grid;
 mod layout;
 mod open;
 mod order;
@@ -18,6 +19,7 @@ mod tests;
 
 pub use check::{Checked, Fault, Severity, check};
 pub use error::{DatasetError, DatasetErrorKind};
+pub use grid::GRID_FILE;
 pub use order::natural;
 pub use sequence::Sequence;
 

@@ -1,5 +1,6 @@
 //! From a found sequence to an opened one, collecting every fault on the way.
 
+use super::grid::{self, GRID_FILE, Grid};
 use super::layout::Found;
 use super::sequence::{Sequence, Whole};
 use super::truth::{self, Truth};
@@ -12,6 +13,7 @@ pub(super) struct Draft {
     pub found: Found,
     pub truth: Truth,
     truth_digest: [u8; 32],
+    grid: Grid,
     tags: Vec<String>,
     /// Faults that no use of the sequence can get round.
     pub fatal: Vec<DatasetError>,
@@ -42,6 +44,10 @@ impl Draft {
                 }
             },
         }
+        let grid = read_grid(&found, &mut truth.faults).unwrap_or_else(|e| {
+            fatal.push(e);
+            Grid::new()
+        });
         let tags = read_tags(&found).unwrap_or_else(|e| {
             warnings.push(e);
             Vec::new()
@@ -50,6 +56,7 @@ impl Draft {
             found,
             truth,
             truth_digest,
+            grid,
             tags,
             fatal,
             warnings,
@@ -95,6 +102,7 @@ impl Draft {
             frames: self.found.frames,
             truth: self.truth.corners,
             truth_digest: self.truth_digest,
+            grid: self.grid,
             tags: self.tags,
             width,
             height,
@@ -102,6 +110,16 @@ impl Draft {
             decoded: Default::default(),
         })
     }
+}
+
+/// Dense ground truth, when the folder has any; what is wrong with its rows goes to `faults`.
+fn read_grid(found: &Found, faults: &mut Vec<DatasetError>) -> Result<Grid, DatasetError> {
+    let listing = found.folder.list()?;
+    let Some(file) = listing.file(GRID_FILE) else {
+        return Ok(Grid::new());
+    };
+    let names: Vec<&str> = found.frames.iter().map(|(name, _)| name.as_str()).collect();
+    Ok(grid::parse(&file.read()?, file.path(), &names, faults))
 }
 
 /// Words of `tags.txt` and of `tags` in `meta.json`, in order, each once.

@@ -1,5 +1,6 @@
 //! One sequence: frames, ground truth, tags; decoded frame by frame on demand.
 
+use super::grid::{GRID_FILE, Grid};
 use super::source::{File, Folder};
 use super::{DatasetError, DatasetErrorKind};
 use crate::geom::Corners;
@@ -10,9 +11,6 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
-/// File in a sequence's folder with dense ground truth: frame, then points of the template grid.
-pub(super) const GRID_FILE: &str = "groundtruth_grid.csv";
-
 /// Image sequence with ground-truth corners, or a selection of its frames. Cloning and selecting share everything.
 #[derive(Clone, Debug)]
 pub struct Sequence {
@@ -20,6 +18,8 @@ pub struct Sequence {
     start: usize,
     step: usize,
     len: usize,
+    /// Ground truth in place of the whole's, per frame of the whole.
+    fitted: Option<Arc<[Option<Corners>]>>,
 }
 
 /// What all selections of a sequence share.
@@ -31,6 +31,8 @@ pub(super) struct Whole {
     pub frames: Vec<(String, File)>,
     pub truth: Vec<Option<Corners>>,
     pub truth_digest: [u8; 32],
+    /// Dense ground truth per frame; empty without.
+    pub grid: Grid,
     pub tags: Vec<String>,
     pub width: usize,
     pub height: usize,
@@ -47,6 +49,7 @@ impl Sequence {
             start: 0,
             step: 1,
             len,
+            fitted: None,
         }
     }
 
@@ -76,6 +79,30 @@ impl Sequence {
             len: self.len - skipped,
             ..self.clone()
         }
+    }
+
+    /// The same frames with other ground truth: `fit(first, corners)` of each annotated frame, `first` being the first
+    /// annotation. It counts towards the [`fingerprint`](Self::fingerprint).
+    ///
+    /// # Errors
+    /// The frame for which `fit` failed, and its error.
+    pub fn with_fitted_truth<E>(
+        &self,
+        fit: impl Fn(&Corners, &Corners) -> Result<Corners, E>,
+    ) -> Result<Self, (String, E)> {
+        let mut fitted = vec![None; self.whole.truth.len()];
+        let mut first = None;
+        for i in 0..self.len {
+            if let Some(corners) = self.truth(i) {
+                let first = *first.get_or_insert(corners);
+                let moved = fit(&first, &corners).map_err(|e| (self.frame_name(i).to_owned(), e))?;
+                fitted[self.index(i)] = Some(moved);
+            }
+        }
+        Ok(Sequence {
+            fitted: Some(fitted.into()),
+            ..self.clone()
+        })
     }
 
     /// Name of the dataset that the sequence belongs to.
@@ -122,7 +149,12 @@ impl Sequence {
     }
     /// Ground truth of frame `i` in image pixels, `None` when it is not annotated; panics when `i >= len()`.
     pub fn truth(&self, i: usize) -> Option<Corners> {
-        self.whole.truth[self.index(i)]
+        self.fitted.as_deref().unwrap_or(&self.whole.truth)[self.index(i)]
+    }
+    /// Dense ground truth of frame `i`: where the points of a grid on the object are, px; `None` when it has none. The same
+    /// number of points in every frame. Panics when `i >= len()`.
+    pub fn grid(&self, i: usize) -> Option<&[[f64; 2]]> {
+        self.whole.grid.get(self.index(i))?.as_deref()
     }
     /// Number of annotated frames.
     pub fn annotated(&self) -> usize {

@@ -214,9 +214,9 @@ fn the_fingerprint_is_of_the_data_alone() {
         sequence.truncated(4).fingerprint(),
     ];
 
-    std::fs::write(b.join(super::sequence::GRID_FILE), "0,1,2\n").unwrap();
+    std::fs::write(b.join(super::GRID_FILE), "0,1,2\n").unwrap();
     all.push(of(&b));
-    std::fs::remove_file(b.join(super::sequence::GRID_FILE)).unwrap();
+    std::fs::remove_file(b.join(super::GRID_FILE)).unwrap();
     std::fs::write(b.join("groundtruth.txt"), mtf_text(&names(5)) + "\n").unwrap();
     all.push(of(&b));
     write_sequence(&b, 5);

@@ -75,6 +75,9 @@ pub struct UnitResult {
     /// One per scored frame (annotated, not initial); `None`: no or non-finite output. A failed run has `None` for the
     /// frames it did not reach, as far as their number is known.
     pub errors: Vec<Option<FrameError>>,
+    /// Error over the dense grid of each frame that has such truth, px; infinite without output.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub grid: Vec<f64>,
 }
 
 /// What an aggregate averages over.
@@ -247,7 +250,11 @@ pub fn aggregate_tracker(units: &[&UnitResult]) -> Results {
     };
     units.sort_by_key(|u| (&u.dataset, &u.sequence, u.start));
 
-    let pooled = Sample::new(units.iter().flat_map(|u| &u.errors));
+    let sample = |units: &[&UnitResult]| {
+        let grid = units.iter().flat_map(|u| &u.grid).copied();
+        Sample::new(units.iter().flat_map(|u| &u.errors), grid)
+    };
+    let pooled = sample(&units);
     let curve = |dataset: &str, sequence: &str, metric, sample: &Sample| CurveRow {
         tracker: tracker.clone(),
         dataset: dataset.to_owned(),
@@ -262,18 +269,15 @@ pub fn aggregate_tracker(units: &[&UnitResult]) -> Results {
     };
     results
         .curves
-        .extend(Metric::ALL.map(|m| curve(ALL_DATASETS, POOLED, m, &pooled)));
+        .extend(pooled.metrics().map(|m| curve(ALL_DATASETS, POOLED, m, &pooled)));
 
     let mut sequence_scores = Vec::new();
     for starts in units.chunk_by(|a, b| (&a.dataset, &a.sequence) == (&b.dataset, &b.sequence)) {
-        let sample = Sample::new(starts.iter().flat_map(|u| &u.errors));
-        results.curves.push(curve(
-            &starts[0].dataset,
-            &starts[0].sequence,
-            Metric::Al,
-            &sample,
-        ));
-        let score = sample.score();
+        let all = sample(starts);
+        results
+            .curves
+            .push(curve(&starts[0].dataset, &starts[0].sequence, Metric::Al, &all));
+        let score = all.score();
         sequence_scores.push(score);
         results.sequences.extend(starts.iter().map(|unit| SequenceRow {
             tracker: tracker.clone(),
@@ -285,7 +289,7 @@ pub fn aggregate_tracker(units: &[&UnitResult]) -> Results {
             score: if starts.len() == 1 {
                 score
             } else {
-                Sample::new(&unit.errors).score()
+                sample(&[unit]).score()
             },
         }));
     }
@@ -344,6 +348,7 @@ pub(crate) mod example {
                 .iter()
                 .map(|s| s.map(|d| frame_error(&truth.translated(d, 0.0), &truth)))
                 .collect(),
+            grid: Vec::new(),
         }
     }
 

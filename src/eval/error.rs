@@ -1,4 +1,5 @@
-//! Errors of one frame: tracked corners against ground truth. Depends on [`crate::geom`] alone.
+//! Errors of one frame: tracked corners, or points of a dense grid, against ground truth. Depends on [`crate::geom`]
+//! alone.
 
 use crate::geom::{Corners, polygon};
 use serde::{Deserialize, Serialize};
@@ -16,7 +17,14 @@ pub struct FrameError {
     pub jaccard: f64,
 }
 
-/// One of the errors of [`FrameError`].
+impl FrameError {
+    /// The errors in the order of [`Metric::CORNERS`].
+    pub fn values(&self) -> [f64; 4] {
+        [self.al, self.mcd, self.cl, self.jaccard]
+    }
+}
+
+/// One of the errors of [`FrameError`], or the error over a dense grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Metric {
@@ -28,11 +36,16 @@ pub enum Metric {
     Cl,
     /// `1 - IoU` of the two polygons.
     Jaccard,
+    /// RMS over the points of a dense grid, px; only where a sequence has dense ground truth.
+    Grid,
 }
 
 impl Metric {
     /// All metrics, in the order in which files list them.
-    pub const ALL: [Metric; 4] = [Metric::Al, Metric::Mcd, Metric::Cl, Metric::Jaccard];
+    pub const ALL: [Metric; 5] = [Metric::Al, Metric::Mcd, Metric::Cl, Metric::Jaccard, Metric::Grid];
+
+    /// Those of the four corners, which every annotated frame has.
+    pub const CORNERS: [Metric; 4] = [Metric::Al, Metric::Mcd, Metric::Cl, Metric::Jaccard];
 
     /// Name used in files and on the command line.
     pub fn name(self) -> &'static str {
@@ -41,6 +54,7 @@ impl Metric {
             Metric::Mcd => "mcd",
             Metric::Cl => "cl",
             Metric::Jaccard => "jaccard",
+            Metric::Grid => "grid",
         }
     }
 
@@ -51,22 +65,13 @@ impl Metric {
             Metric::Mcd => "mean corner distance, px",
             Metric::Cl => "centre location error: distance between the means of the corners, px",
             Metric::Jaccard => "1 - intersection over union of the two polygons, in [0, 1]",
+            Metric::Grid => "RMS over the points of a grid, px (sequences with dense ground truth)",
         }
     }
 
     /// Unit for axis labels; empty for a ratio.
     pub fn unit(self) -> &'static str {
         if self == Metric::Jaccard { "" } else { "px" }
-    }
-
-    /// This metric's value.
-    pub fn of(self, error: &FrameError) -> f64 {
-        match self {
-            Metric::Al => error.al,
-            Metric::Mcd => error.mcd,
-            Metric::Cl => error.cl,
-            Metric::Jaccard => error.jaccard,
-        }
     }
 }
 
@@ -81,7 +86,7 @@ impl std::str::FromStr for Metric {
 
     fn from_str(s: &str) -> Result<Self, String> {
         let found = Metric::ALL.into_iter().find(|m| m.name().eq_ignore_ascii_case(s));
-        found.ok_or_else(|| format!("unknown metric '{s}' (al, mcd, cl, jaccard)"))
+        found.ok_or_else(|| format!("unknown metric '{s}' (al, mcd, cl, jaccard, grid)"))
     }
 }
 
@@ -114,6 +119,19 @@ pub fn frame_error(tracked: &Corners, truth: &Corners) -> FrameError {
         mcd: round6(corners.map(|(c, g)| distance(*c, *g)).sum::<f64>() / 4.0),
         cl: round6(distance(tracked.centroid(), truth.centroid())),
         jaccard: round6(polygon::jaccard_distance(tracked, truth)),
+    }
+}
+
+/// Error over a grid, px: `sqrt(1/n Σ |u_i - g_i|²)`, rounded to 1e-6; infinite when a place is not finite.
+pub fn grid_error(tracked: impl Iterator<Item = [f64; 2]>, truth: &[[f64; 2]]) -> f64 {
+    let squares = tracked
+        .zip(truth)
+        .map(|(u, g)| (u[0] - g[0]) * (u[0] - g[0]) + (u[1] - g[1]) * (u[1] - g[1]));
+    let rms = (squares.sum::<f64>() / truth.len() as f64).sqrt();
+    if rms.is_finite() {
+        round6(rms)
+    } else {
+        f64::INFINITY
     }
 }
 
@@ -166,6 +184,20 @@ mod tests {
             (f64::INFINITY, f64::INFINITY, f64::INFINITY, 1.0)
         );
         assert!(frame_error(&Corners::rect(0.0, 0.0, 1e300, 1e300), &SQUARE).al > 1e9);
+    }
+
+    #[test]
+    fn grids() {
+        let truth = [[0.0, 0.0], [10.0, 0.0], [0.0, 10.0], [10.0, 10.0]];
+        let off = |d: f64| truth.iter().map(move |g| [g[0] + d, g[1]]);
+        assert_eq!(grid_error(off(0.0), &truth), 0.0);
+        assert_eq!(grid_error(off(-2.5), &truth), 2.5);
+        let one = truth
+            .iter()
+            .enumerate()
+            .map(|(i, g)| [g[0], g[1] + if i == 2 { 4.0 } else { 0.0 }]);
+        assert_eq!(grid_error(one, &truth), 2.0);
+        assert_eq!(grid_error(off(f64::NAN), &truth), f64::INFINITY);
     }
 
     #[test]

@@ -15,6 +15,8 @@ pub struct Row {
     pub iterations: u32,
     /// Similarity of the appearance model.
     pub similarity: f64,
+    /// Error over the dense grid, px; `None` on frames that are not scored by it.
+    pub grid: Option<f64>,
 }
 
 /// Corners rounded to 1e-6 px, which six decimals hold exactly: a log scores the same as the run that wrote it.
@@ -26,7 +28,8 @@ pub fn round_corners(corners: &Corners) -> Option<Corners> {
 
 /// A frame log as CSV: `rows[k]` is frame `start + k` of the sequence, `name(i)` its file, `truth(i)` its ground truth.
 ///
-/// Errors stand in a row only where they count: not on the first (initialisation), not without ground truth.
+/// Errors stand in a row only where they count: not on the first (initialisation), not without ground truth. A last
+/// column `grid` is there for sequences with dense truth only.
 pub fn format_log<'a>(
     rows: &[Row],
     start: usize,
@@ -35,7 +38,9 @@ pub fn format_log<'a>(
 ) -> Vec<u8> {
     use std::fmt::Write as _;
     let mut out = String::with_capacity(160 * rows.len() + 80);
-    out.push_str("frame,file,status,x1,y1,x2,y2,x3,y3,x4,y4,al,mcd,cl,jaccard,iterations,similarity\n");
+    out.push_str("frame,file,status,x1,y1,x2,y2,x3,y3,x4,y4,al,mcd,cl,jaccard,iterations,similarity");
+    let dense = rows.iter().any(|row| row.grid.is_some());
+    out.push_str(if dense { ",grid\n" } else { "\n" });
     for (k, row) in rows.iter().enumerate() {
         let frame = start + k;
         let _ = write!(out, "{frame},{},{}", quoted(&name(frame)), row.status);
@@ -55,9 +60,13 @@ pub fn format_log<'a>(
         // Single precision is what the images carry; a missing similarity is an empty field.
         let similarity = row.similarity as f32;
         let _ = match (similarity.is_finite(), similarity.abs()) {
-            (false, _) => writeln!(out, ",{},", row.iterations),
-            (true, 1e-4..1e9 | 0.0) => writeln!(out, ",{},{similarity}", row.iterations),
-            (true, _) => writeln!(out, ",{},{similarity:e}", row.iterations),
+            (false, _) => write!(out, ",{},", row.iterations),
+            (true, 1e-4..1e9 | 0.0) => write!(out, ",{},{similarity}", row.iterations),
+            (true, _) => write!(out, ",{},{similarity:e}", row.iterations),
+        };
+        let _ = match row.grid {
+            Some(error) => writeln!(out, ",{error:.6}"),
+            None => writeln!(out, "{}", if dense { "," } else { "" }),
         };
     }
     out.into_bytes()
@@ -71,18 +80,31 @@ fn quoted(field: &str) -> std::borrow::Cow<'_, str> {
     }
 }
 
-/// Corners per frame of a log written by [`format_log`], and the frame of its first row.
+/// What a frame log holds that scores are made of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameLog {
+    /// Frame of the first row.
+    pub start: usize,
+    /// Corners per frame.
+    pub corners: Vec<Option<Corners>>,
+    /// Error over the dense grid of each frame that has such truth, px.
+    pub grid: Vec<f64>,
+}
+
+/// Reads a log written by [`format_log`].
 ///
 /// # Errors
 /// What is wrong with the text.
-pub fn parse_log(bytes: &[u8]) -> Result<(usize, Vec<Option<Corners>>), String> {
+pub fn parse_log(bytes: &[u8]) -> Result<FrameLog, String> {
     let mut reader = csv::ReaderBuilder::new().has_headers(true).from_reader(bytes);
     let headers = reader.byte_headers().map_err(|e| e.to_string())?;
     if headers.iter().nth(3) != Some(b"x1") || headers.iter().next() != Some(b"frame") {
         return Err("unknown columns".into());
     }
+    let dense = headers.iter().position(|h| h == b"grid");
     let mut record = csv::StringRecord::new();
-    let (mut start, mut corners) = (None, Vec::new());
+    let (mut start, mut corners, mut grid) = (None, Vec::new(), Vec::new());
+    let number = |field: &str| field.parse().map_err(|_| format!("bad number {field:?}"));
     while reader.read_record(&mut record).map_err(|e| e.to_string())? {
         if start.is_none() {
             start = Some(
@@ -96,12 +118,16 @@ pub fn parse_log(bytes: &[u8]) -> Result<(usize, Vec<Option<Corners>>), String> 
         for (value, field) in values.iter_mut().zip(record.iter().skip(3)) {
             match field {
                 "" => present = false,
-                field => *value = field.parse().map_err(|_| format!("bad number {field:?}"))?,
+                field => *value = number(field)?,
             }
         }
         corners.push(present.then(|| Corners::from_array(values)));
+        if let Some(error) = dense.map(|at| &record[at]).filter(|f| !f.is_empty()) {
+            grid.push(number(error)?);
+        }
     }
-    start.map(|s| (s, corners)).ok_or_else(|| "no rows".into())
+    let start = start.ok_or("no rows")?;
+    Ok(FrameLog { start, corners, grid })
 }
 
 /// Errors of the scored frames of a log: those after the first with ground truth.
@@ -133,13 +159,15 @@ mod tests {
                     status: "ok",
                     iterations: 3,
                     similarity: v[0],
+                    grid: (v[1] > 0.0).then_some((v[1] * 1e6).round() / 1e6),
                 })
                 .collect();
             let name = |i: usize| format!("frame,{i}.jpg");
             let truth = |i: usize| (i.is_multiple_of(2)).then(|| Corners::rect(0.0, 0.0, 9.0, 9.0));
-            let (from, corners) = parse_log(&format_log(&rows, start, name, truth)).unwrap();
-            prop_assert_eq!(from, start);
-            for (row, read) in rows.iter().zip(&corners) {
+            let log = parse_log(&format_log(&rows, start, name, truth)).unwrap();
+            prop_assert_eq!(log.start, start);
+            prop_assert_eq!(log.grid, rows.iter().filter_map(|r| r.grid).collect::<Vec<_>>());
+            for (row, read) in rows.iter().zip(&log.corners) {
                 prop_assert_eq!(row.corners.unwrap().to_array().map(f64::to_bits), read.unwrap().to_array().map(f64::to_bits));
             }
         }
@@ -152,13 +180,14 @@ mod tests {
             status: "not_finite",
             iterations: 0,
             similarity: f64::NAN,
+            grid: None,
         };
         let here = Corners::rect(1.0, 2.0, 30.0, 40.0);
         let rows = [row(Some(here)), row(None), row(Some(here)), row(None)];
         let truth = |i: usize| (i != 3).then_some(here);
         let log = format_log(&rows, 0, |i| i.to_string(), truth);
-        let (start, corners) = parse_log(&log).unwrap();
-        let errors = score_log(start, &corners, truth);
+        let log = parse_log(&log).unwrap();
+        let errors = score_log(log.start, &log.corners, truth);
         assert_eq!(errors.len(), 2);
         assert!(errors[0].is_none());
         assert_eq!(errors[1].unwrap().al, 0.0);
@@ -175,6 +204,7 @@ mod tests {
                 status: "ok",
                 iterations: 0,
                 similarity: 0.0,
+                grid: None,
             }],
             0,
             |_| "f".into(),

@@ -72,6 +72,9 @@ pub struct Entry {
     /// `[al, mcd, cl, jaccard]` per scored frame, kept here when no frame logs are written.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub errors: Option<Vec<Option<[f64; 4]>>>,
+    /// Error over the dense grid of each frame that has such truth (`null` without output), likewise.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub grid: Vec<Option<f64>>,
     /// Speed figures.
     pub time: UnitTime,
 }
@@ -246,6 +249,7 @@ mod tests {
             frames: 3,
             log: None,
             errors: Some(vec![Some([0.1, 0.2, 1.0 / 3.0, 1e-7]), None]),
+            grid: vec![Some(0.25), None],
             time: UnitTime::default(),
         }
     }

@@ -6,7 +6,7 @@
 //! *lanes* only as far as there are too few trackers to fill the threads; lanes are plain threads that hand windows to
 //! one pool, so nesting stays bounded.
 
-use super::error::FrameError;
+use super::error::grid_error;
 use super::framelog::{Row, format_log, round_corners, score_log};
 use super::journal::{Entry, EntryStatus, Finished, UnitTime};
 use super::panics;
@@ -14,7 +14,7 @@ use super::plan::{FrameLogs, RunRequest, Unit};
 use super::rundir::{RunDir, RunError, digest, write_atomic};
 use super::runner::Observer;
 use crate::dataset::Sequence;
-use crate::geom::Corners;
+use crate::geom::{Corners, homography};
 use crate::image::Frame;
 use crate::tracker::{Stop, Tracker};
 use rayon::prelude::*;
@@ -282,15 +282,17 @@ fn track_window(context: &Context<'_>, sequence: &Sequence, active: &mut Active<
         if context.halted() {
             return;
         }
-        let begin = Instant::now();
+        let mut seconds = 0.0;
         let step = panics::catch(|| {
             if ready.index == start {
-                initialise(tracker.as_mut(), sequence, ready)
-            } else {
-                Ok(step(tracker.as_mut(), &ready.frame))
+                return initialise(tracker.as_mut(), sequence, ready);
             }
+            let begin = Instant::now();
+            let mut row = step(tracker.as_mut(), &ready.frame);
+            seconds = begin.elapsed().as_secs_f64();
+            row.grid = dense_error(tracker.as_ref(), sequence, start, ready.index, row.corners);
+            Ok(row)
         });
-        let seconds = begin.elapsed().as_secs_f64();
         match step {
             Ok(Ok(row)) => active.rows.push(row),
             Ok(Err(reason)) => active.failed = Some(reason),
@@ -330,7 +332,25 @@ fn initialise(tracker: &mut dyn Tracker, sequence: &Sequence, ready: &Ready) -> 
         status: "init",
         iterations: 0,
         similarity: f64::NAN,
+        grid: None,
     })
+}
+
+/// Error over the dense grid in frame `index`, where both it and the start frame have one. A tracker that does not say
+/// where its points are moves them as a plane.
+fn dense_error(
+    tracker: &dyn Tracker,
+    sequence: &Sequence,
+    start: usize,
+    index: usize,
+    corners: Option<Corners>,
+) -> Option<f64> {
+    let (first, truth) = (sequence.grid(start)?, sequence.grid(index)?);
+    let plane = || homography::from_corners(&sequence.truth(start)?, &corners?);
+    Some(plane().map_or(f64::INFINITY, |plane| {
+        let place = |&x: &[f64; 2]| tracker.place(x).unwrap_or_else(|| homography::apply(&plane, x));
+        grid_error(first.iter().map(place), truth)
+    }))
 }
 
 fn step(tracker: &mut dyn Tracker, frame: &Frame) -> Row {
@@ -348,6 +368,7 @@ fn step(tracker: &mut dyn Tracker, frame: &Frame) -> Row {
                 status,
                 iterations: update.iterations,
                 similarity: update.similarity,
+                grid: None,
             }
         }
         // The tracker stands where it last was: that is its answer, and it goes on from there.
@@ -356,6 +377,7 @@ fn step(tracker: &mut dyn Tracker, frame: &Frame) -> Row {
             status: error.word(),
             iterations: 0,
             similarity: f64::NAN,
+            grid: None,
         },
     }
 }
@@ -390,6 +412,7 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
         frames: rows.len(),
         log: None,
         errors: None,
+        grid: Vec::new(),
         time: unit_time(seconds, input_seconds, context.pool.current_num_threads()),
     };
     let mut written = None;
@@ -407,9 +430,11 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
             entry.errors = Some(
                 score_log(unit.start, &corners, truth)
                     .into_iter()
-                    .map(|e| e.map(pack))
+                    .map(|e| e.map(|e| e.values()))
                     .collect(),
             );
+            let finite = |e: f64| e.is_finite().then_some(e);
+            entry.grid = rows.iter().filter_map(|row| row.grid.map(finite)).collect();
         }
         // A log of an earlier run with other settings would be taken for this unit's by readers.
         let _ = std::fs::remove_file(path);
@@ -417,10 +442,6 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
     context.observer.unit(&entry);
     // The receiver only goes away after an error, which it has recorded.
     let _ = journal.send(Finished { entry, log: written });
-}
-
-fn pack(e: FrameError) -> [f64; 4] {
-    [e.al, e.mcd, e.cl, e.jaccard]
 }
 
 fn unit_time(mut seconds: Vec<f32>, input_seconds: f64, threads: usize) -> UnitTime {

@@ -227,17 +227,23 @@ fn load_unit<'a>(
             .filter(|&i| truth(i).is_some())
             .count()
     };
-    let errors = match (&entry.status, &entry.log, &entry.errors) {
-        (EntryStatus::Failed, ..) => vec![None; scored()],
+    let dense = || {
+        (unit.start + 1..sequence.len())
+            .filter(|&i| sequence.grid(unit.start).is_some() && sequence.grid(i).is_some())
+            .count()
+    };
+    let (errors, grid) = match (&entry.status, &entry.log, &entry.errors) {
+        (EntryStatus::Failed, ..) => (vec![None; scored()], vec![f64::INFINITY; dense()]),
         (_, Some(_), _) => {
             let path = dir.log(&tracker.slug, sequence.dataset(), sequence.name(), unit.start);
             let bytes = fs::read(&path).map_err(|e| RunError::io(&path, e))?;
-            let (start, corners) = parse_log(&bytes).map_err(|reason| damaged(path, &reason))?;
-            score_log(start, &corners, truth)
+            let log = parse_log(&bytes).map_err(|reason| damaged(path, &reason))?;
+            (score_log(log.start, &log.corners, truth), log.grid)
         }
         (_, None, Some(errors)) => {
             let error = |[al, mcd, cl, jaccard]: [f64; 4]| FrameError { al, mcd, cl, jaccard };
-            errors.iter().map(|e| e.map(error)).collect()
+            let grid = entry.grid.iter().map(|e| e.unwrap_or(f64::INFINITY));
+            (errors.iter().map(|e| e.map(error)).collect(), grid.collect())
         }
         (_, None, None) => return Err(damaged(dir.journal(), "a line has neither log nor errors")),
     };
@@ -253,6 +259,7 @@ fn load_unit<'a>(
         protocol: PROTOCOL.to_string(),
         status,
         errors,
+        grid,
     };
     Ok((entry, result))
 }

@@ -30,19 +30,25 @@ fn cap(metric: Metric) -> f64 {
 /// The errors of a set of frames, sorted per metric; frames without (finite) output are infinite.
 #[derive(Clone, Debug)]
 pub struct Sample {
-    sorted: [Vec<f64>; 4],
+    sorted: [Vec<f64>; 5],
 }
 
 impl Sample {
-    /// Sorts the errors of scored frames; `None` is a frame without output.
-    pub fn new<'a>(errors: impl IntoIterator<Item = &'a Option<FrameError>>) -> Sample {
-        let mut sorted: [Vec<f64>; 4] = Default::default();
+    /// Sorts the errors of scored frames; `None` is a frame without output. `grid` holds the errors over a dense grid of
+    /// the frames that have one.
+    pub fn new<'a>(
+        errors: impl IntoIterator<Item = &'a Option<FrameError>>,
+        grid: impl IntoIterator<Item = f64>,
+    ) -> Sample {
+        let mut sorted: [Vec<f64>; 5] = Default::default();
         for error in errors {
-            let finite = error.filter(|e| e.al.is_finite() && e.mcd.is_finite() && e.cl.is_finite());
-            for (values, metric) in sorted.iter_mut().zip(Metric::ALL) {
-                values.push(finite.map_or(f64::INFINITY, |e| metric.of(&e)));
+            let values = error.map(|e| e.values());
+            let finite = values.filter(|v| v.iter().all(|v| v.is_finite()));
+            for (list, value) in sorted.iter_mut().zip(finite.unwrap_or([f64::INFINITY; 4])) {
+                list.push(value);
             }
         }
+        sorted[Metric::Grid as usize].extend(grid);
         sorted
             .iter_mut()
             .for_each(|values| values.sort_unstable_by(f64::total_cmp));
@@ -51,6 +57,14 @@ impl Sample {
 
     fn sorted(&self, metric: Metric) -> &[f64] {
         &self.sorted[metric as usize]
+    }
+
+    /// Metrics that at least one frame has a value of, besides those of the corners.
+    pub fn metrics(&self) -> impl Iterator<Item = Metric> {
+        let dense = !self.sorted(Metric::Grid).is_empty();
+        Metric::ALL
+            .into_iter()
+            .filter(move |&m| m != Metric::Grid || dense)
     }
 
     /// Number of scored frames.
@@ -65,7 +79,7 @@ impl Sample {
 
     /// `SR(t)`: fraction of the frames with error `<= t`; NaN without frames.
     pub fn success_rate(&self, metric: Metric, t: f64) -> f64 {
-        self.within(metric, t) as f64 / self.frames() as f64
+        self.within(metric, t) as f64 / self.sorted(metric).len() as f64
     }
 
     /// `SR` at the [`thresholds`] of the metric, rounded to 1e-6.
@@ -80,7 +94,7 @@ impl Sample {
         let hits: usize = (1..CURVE_POINTS)
             .map(|k| self.within(metric, threshold(metric, k)))
             .sum();
-        hits as f64 / (100 * self.frames()) as f64
+        hits as f64 / (100 * self.sorted(metric).len()) as f64
     }
 
     /// Trapezoid area under `SR` of the alignment error over the points of `linspace(0, 20, 100)` in `[1, 20]` px:
@@ -97,7 +111,7 @@ impl Sample {
     /// Mean with each frame capped at 20 px (1 for Jaccard); frames without output count as the cap.
     pub fn mean(&self, metric: Metric) -> f64 {
         let sum: f64 = self.sorted(metric).iter().map(|e| e.min(cap(metric))).sum();
-        sum / self.frames() as f64
+        sum / self.sorted(metric).len() as f64
     }
 
     /// Mean alignment error over the frames within 20 px; NaN when there is none.
@@ -149,13 +163,15 @@ impl Sample {
             cl_median: median(Metric::Cl),
             jaccard_mean: mean(Metric::Jaccard),
             jaccard_median: median(Metric::Jaccard),
+            grid_mean: mean(Metric::Grid),
+            grid_median: median(Metric::Grid),
             failures: self.frames() - self.within(Metric::Al, LOST_PX),
         }
     }
 }
 
 /// The figures of a set of frames, each rounded to 1e-6. `sr_*`, `auc` and `sr_area` are of the alignment error.
-/// NaN: undefined (no scored frame; no tracked frame for `al_tracked`), empty in CSV and `null` in JSON. Infinite
+/// NaN: undefined (no scored frame; no tracked frame for `al_tracked`; no dense truth for `grid_*`), empty in CSV and `null` in JSON. Infinite
 /// medians are `inf` in CSV and `null` in JSON.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)] // sr_T, M_mean and M_median repeat one sentence each: see `Sample`.
@@ -197,6 +213,10 @@ pub struct Score {
     pub jaccard_mean: f64,
     #[serde(deserialize_with = "nan")]
     pub jaccard_median: f64,
+    #[serde(deserialize_with = "nan")]
+    pub grid_mean: f64,
+    #[serde(deserialize_with = "infinite")]
+    pub grid_median: f64,
     /// Frames with an alignment error above 20 px or without output.
     pub failures: usize,
 }
@@ -211,7 +231,7 @@ fn infinite<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
 
 impl Score {
     /// Column names, in the order of files and of [`Score::values`].
-    pub const COLUMNS: [&'static str; 18] = [
+    pub const COLUMNS: [&'static str; 20] = [
         "frames",
         "sr_1",
         "sr_2",
@@ -229,11 +249,13 @@ impl Score {
         "cl_median",
         "jaccard_mean",
         "jaccard_median",
+        "grid_mean",
+        "grid_median",
         "failures",
     ];
 
     /// The figures in the order of [`Score::COLUMNS`].
-    pub fn values(&self) -> [f64; 18] {
+    pub fn values(&self) -> [f64; 20] {
         [
             self.frames as f64,
             self.sr_1,
@@ -252,6 +274,8 @@ impl Score {
             self.cl_median,
             self.jaccard_mean,
             self.jaccard_median,
+            self.grid_mean,
+            self.grid_median,
             self.failures as f64,
         ]
     }
@@ -288,6 +312,8 @@ impl Score {
             cl_median: mean(|s| s.cl_median),
             jaccard_mean: mean(|s| s.jaccard_mean),
             jaccard_median: mean(|s| s.jaccard_median),
+            grid_mean: mean(|s| s.grid_mean),
+            grid_median: mean(|s| s.grid_median),
             failures: scored.iter().map(|s| s.failures).sum(),
         }
     }
@@ -296,6 +322,9 @@ impl Score {
     pub(crate) fn after_reading(mut self) -> Score {
         if self.frames == 0 {
             (self.al_median, self.mcd_median, self.cl_median) = (f64::NAN, f64::NAN, f64::NAN);
+        }
+        if self.grid_mean.is_nan() {
+            self.grid_median = f64::NAN;
         }
         self
     }
@@ -317,15 +346,16 @@ mod tests {
     }
 
     fn score(errors: &[Option<FrameError>]) -> Score {
-        Sample::new(errors).score()
+        Sample::new(errors, []).score()
     }
 
     #[test]
     fn perfect() {
-        let sample = Sample::new(&[error(0.0), error(0.0)]);
+        let sample = Sample::new(&[error(0.0), error(0.0)], [0.0]);
         for metric in Metric::ALL {
             assert_eq!(sample.success_rate(metric, 0.0), 1.0);
             assert_eq!(sample.curve(metric), vec![1.0; 101]);
+            assert!(sample.metrics().any(|m| m == metric));
         }
         let s = sample.score();
         assert_eq!(
@@ -375,7 +405,7 @@ mod tests {
         assert_eq!(score(&[error(1.0), error(400.0)]).al_median, 200.5);
         assert_eq!(score(&[None, None]).jaccard_median, 1.0);
         // No output is not within any threshold, not even a Jaccard distance of 1.
-        assert_eq!(Sample::new(&[None]).success_rate(Metric::Jaccard, 1.0), 0.0);
+        assert_eq!(Sample::new(&[None], []).success_rate(Metric::Jaccard, 1.0), 0.0);
     }
 
     #[test]
@@ -406,12 +436,24 @@ mod tests {
         assert_eq!(format!("{:?}", score(&[inf])), format!("{:?}", score(&[None])));
     }
 
+    #[test]
+    fn dense_truth_counts_its_own_frames() {
+        let s = Sample::new(&[error(1.0), error(2.0), None], [0.5, f64::INFINITY]);
+        assert_eq!(
+            (s.success_rate(Metric::Grid, 1.0), s.score().grid_mean),
+            (0.5, 10.25)
+        );
+        assert_eq!(s.score().grid_median, f64::INFINITY);
+        assert!(score(&[error(1.0)]).grid_mean.is_nan());
+    }
+
     proptest! {
         #[test]
         fn laws(errors in prop::collection::vec(prop::option::weighted(0.9, 0.0..40.0f64), 1..60)) {
             let errors: Vec<_> = errors.into_iter().map(|e| e.and_then(error)).collect();
-            let sample = Sample::new(&errors);
-            for metric in Metric::ALL {
+            let sample = Sample::new(&errors, []);
+            prop_assert_eq!(sample.metrics().count(), 4);
+            for metric in sample.metrics() {
                 let curve = sample.curve(metric);
                 prop_assert!(curve.windows(2).all(|w| w[0] <= w[1]));
                 prop_assert!(curve.iter().all(|r| (0.0..=1.0).contains(r)));
@@ -424,7 +466,7 @@ mod tests {
             prop_assert_eq!(s.failures, s.frames - (s.sr_20 * s.frames as f64).round() as usize);
             let mut reversed = errors.clone();
             reversed.reverse();
-            prop_assert_eq!(format!("{s:?}"), format!("{:?}", Sample::new(&reversed).score()));
+            prop_assert_eq!(format!("{s:?}"), format!("{:?}", Sample::new(&reversed, []).score()));
         }
     }
 }

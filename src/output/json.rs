@@ -29,6 +29,7 @@ struct Thresholds {
     mcd: Vec<f64>,
     cl: Vec<f64>,
     jaccard: Vec<f64>,
+    grid: Vec<f64>,
 }
 
 /// One tracker; borrowed for writing, owned for reading.
@@ -96,6 +97,7 @@ fn document<'a>(title: &str, trackers: Vec<Borrowed<'a>>) -> Document<Borrowed<'
             mcd: thresholds(Metric::Mcd),
             cl: thresholds(Metric::Cl),
             jaccard: thresholds(Metric::Jaccard),
+            grid: thresholds(Metric::Grid),
         },
         trackers,
     }

@@ -44,8 +44,8 @@ impl Default for TableOptions {
 }
 
 /// What [`TableOptions::sort`] accepts: the tracker's id or any figure.
-pub const SORT_KEYS: [&str; 19] = {
-    let mut keys = ["tracker"; 19];
+pub const SORT_KEYS: [&str; Score::COLUMNS.len() + 1] = {
+    let mut keys = ["tracker"; Score::COLUMNS.len() + 1];
     let mut i = 0;
     while i < Score::COLUMNS.len() {
         keys[i + 1] = Score::COLUMNS[i];

@@ -614,6 +614,10 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         self.ssm.corners()
     }
 
+    fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
+        self.ssm.place(x)
+    }
+
     fn channels(&self) -> usize {
         self.sampling.channels.count()
     }

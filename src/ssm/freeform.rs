@@ -527,6 +527,12 @@ impl<B: Basis> StateSpaceModel for FreeForm<B> {
             .point_to_image(self.warp(&self.p, self.frame.grid_point(i), &mut row))
     }
 
+    fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
+        let mut row = vec![Weight::default(); self.basis.control().len()];
+        let warped = self.warp(&self.p, self.frame.point_to_frame(x), &mut row);
+        Some(self.frame.point_to_image(warped))
+    }
+
     fn warp_into(&self, x: &mut [f32], y: &mut [f32]) {
         let f = &self.frame;
         for (c, (out, base)) in [(x, &f.x), (y, &f.y)].into_iter().enumerate() {

@@ -266,6 +266,12 @@ pub trait StateSpaceModel: Send {
     /// Current place of grid point `i` in image pixels, in `f64`: the slow reference of [`warp_into`](Self::warp_into).
     fn point(&self, i: usize) -> [f64; 2];
 
+    /// Current place of any place `x` of the frame it was initialised on, px; `None` when the corners tell all, as those
+    /// of a plane do.
+    fn place(&self, _x: [f64; 2]) -> Option<[f64; 2]> {
+        None
+    }
+
     /// Writes the current points in image pixels.
     fn warp_into(&self, x: &mut [f32], y: &mut [f32]);
 
@@ -362,6 +368,9 @@ impl<T: StateSpaceModel + ?Sized> StateSpaceModel for Box<T> {
     }
     fn point(&self, i: usize) -> [f64; 2] {
         (**self).point(i)
+    }
+    fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
+        (**self).place(x)
     }
     fn warp_into(&self, x: &mut [f32], y: &mut [f32]) {
         (**self).warp_into(x, y)

@@ -12,9 +12,10 @@
 //! # Ok::<(), mtf_eval::synth::SynthError>(())
 //! ```
 //!
-//! The same specification gives the same bytes on every machine and with any number of threads. Depends on `geom`
-//! only.
+//! The same specification gives the same bytes on every machine and with any number of threads. Depends on
+//! `geom`, and on the names of files in `dataset`.
 
+mod bend;
 mod builtin;
 mod canvas;
 mod font;
@@ -34,4 +35,4 @@ pub use builtin::{builtin_commands, builtin_spec, write_builtin};
 pub use options::{OPTIONS, SynthOption};
 pub use render::{Sequence, frames, render_sequence};
 pub use spec::{Background, Format, Light, Mode, Source, SynthError, SynthSpec};
-pub use write::{Written, encode, ground_truth, metadata, write_sequence};
+pub use write::{Written, dense_ground_truth, encode, ground_truth, metadata, write_sequence};

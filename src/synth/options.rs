@@ -52,6 +52,7 @@ pub const OPTIONS: &[SynthOption] = &[
     option("zoom", |s| maybe(s.zoom), |s, v| put(&mut s.zoom, number(v, 1.0, 10.0).map(Some))),
     option("stretch", |s| maybe(s.stretch), |s, v| put(&mut s.stretch, number(v, 0.0, 2.0).map(Some))),
     option("tilt", |s| maybe(s.tilt), |s, v| put(&mut s.tilt, number(v, 0.0, 1.8).map(Some))),
+    option("bend", |s| s.bend.to_string(), |s, v| put(&mut s.bend, number(v, 0.0, 1e3))),
     option("allow-outside", |s| { if s.allow_outside { "true".into() } else { String::new() } },
         |s, v| put(&mut s.allow_outside, v.parse().map_err(|_| "true or false".into()))),
     option("light", |s| light_text(&s.light), |s, v| put(&mut s.light, light(v))),

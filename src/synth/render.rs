@@ -3,6 +3,7 @@
 //! A pixel is the mean of n x n bilinear samples over its square; n grows with the texels per pixel. Work is spread
 //! over rows, each computed from the specification alone: bytes do not depend on threads. Depends on `geom` only.
 
+use super::bend::{self, Bend};
 use super::canvas::length;
 use super::light::Lighting;
 use super::motion::{Curves, Pose};
@@ -12,7 +13,7 @@ use super::plane::Plane;
 use super::random::Random;
 use super::spec::{Background, Mode, Source, SynthError, SynthSpec};
 use super::texture;
-use crate::geom::{Corners, Mat3};
+use crate::geom::{Corners, Mat3, homography};
 use image::RgbImage;
 use rayon::prelude::*;
 
@@ -26,6 +27,7 @@ pub struct Sequence {
     occluders: Vec<Occluder>,
     patches: Vec<Plane>,
     lighting: Option<Lighting>,
+    bend: Option<Bend>,
 }
 
 /// A plane at one instant.
@@ -33,8 +35,12 @@ struct Layer<'a> {
     plane: &'a Plane,
     /// Frame to texels.
     map: Mat3,
-    /// Frame to sheet, and the sheet's half size; `None`: without end.
-    sheet: Option<(Mat3, [f64; 2])>,
+    /// Frame to the plane of the sheet.
+    sheet: Mat3,
+    /// Half size of the sheet; `None`: without end.
+    half: Option<[f64; 2]>,
+    /// How the sheet bends, and how much.
+    bend: Option<(Bend, f64)>,
     /// Part of the frame it may be seen in: `[x0, y0, x1, y1]`.
     bounds: [f64; 4],
     /// Whether it is the object.
@@ -46,6 +52,9 @@ const STREAM_LIGHT: u64 = 3;
 const STREAM_PAN: u64 = 4;
 const STREAM_OCCLUDE: u64 = 5;
 const STREAM_NOISE: u64 = 1 << 40;
+
+/// Points of the grid of dense truth per side.
+const GRID: usize = 10;
 
 /// Prepares the sequence of `spec`: draws or reads its textures and computes its path.
 ///
@@ -95,6 +104,14 @@ fn covering(image: &RgbImage, width: f64, height: f64) -> f64 {
 impl Sequence {
     fn new(spec: &SynthSpec) -> Result<Self, SynthError> {
         spec.validate()?;
+        if spec.bend > bend::MOST * spec.object[0] {
+            return Err(SynthError::Impossible(format!(
+                "--bend {} folds a box {} px wide; at most {:.1}",
+                spec.bend,
+                spec.object[0],
+                bend::MOST * spec.object[0]
+            )));
+        }
         let path = Path::new(spec, &mut Random::new(spec.seed, STREAM_PATH))?;
         let image = load(&spec.source, spec.seed)?;
         let [w, h] = spec.size.map(|n| n as f64);
@@ -132,6 +149,11 @@ impl Sequence {
         Ok(Sequence {
             pan: Curves::new(&mut Random::new(spec.seed, STREAM_PAN), spec.frames, rate),
             lighting: Lighting::new(spec, &mut Random::new(spec.seed, STREAM_LIGHT)),
+            bend: (spec.bend > 0.0).then_some(Bend {
+                bend: spec.bend,
+                width: spec.object[0],
+                frames: spec.frames,
+            }),
             spec: spec.clone(),
             path,
             object,
@@ -153,7 +175,27 @@ impl Sequence {
 
     /// Exact corners of the object in frame `i`, px.
     pub fn corners(&self, i: usize) -> Corners {
-        self.path.corners(i as f64)
+        let Some(bend) = self.bend else {
+            return self.path.corners(i as f64);
+        };
+        let [w, h] = self.spec.object.map(|n| n / 2.0);
+        Corners([[-w, -h], [w, -h], [w, h], [-w, h]].map(|m| self.place(bend, i, m)))
+    }
+
+    /// Where a point of the flat sheet is in frame `i`, px.
+    fn place(&self, bend: Bend, i: usize, m: [f64; 2]) -> [f64; 2] {
+        let t = i as f64;
+        let q = bend.bent(bend.amount(t), m);
+        homography::apply(&self.path.placed(t), q)
+    }
+
+    /// Places of a 10x10 grid over the object in frame `i`, px, row by row; `None` when the corners tell all.
+    pub fn grid(&self, i: usize) -> Option<Vec<[f64; 2]>> {
+        let bend = self.bend?;
+        let at = |k: usize, n: f64| n * (k as f64 / (GRID - 1) as f64 - 0.5);
+        let [w, h] = self.spec.object;
+        let points = (0..GRID * GRID).map(|k| [at(k % GRID, w), at(k / GRID, h)]);
+        Some(points.map(|m| self.place(bend, i, m)).collect())
     }
 
     /// Warp parameters of frame `i` and the centre (px) they refer to, see [`super::motion::warp`]; random walks have
@@ -190,14 +232,14 @@ impl Sequence {
             .into_iter()
             .map(|t| self.layers(t))
             .collect();
-        let grid = self.grid(&instants[0], instants.len());
+        let samples = self.samples(&instants[0], instants.len());
         let light = self.lighting.as_ref().map(|l| l.at(i as f64));
         let object_only = self.lighting.as_ref().is_some_and(Lighting::object_only);
         let mut image = RgbImage::new(width as u32, height as u32);
         image.par_chunks_mut(3 * width).enumerate().for_each(|(y, row)| {
             let mut noise = Random::new(self.spec.seed, STREAM_NOISE + (i * height + y) as u64);
             for (x, out) in row.chunks_exact_mut(3).enumerate() {
-                let (mut colour, on_object) = pixel(&instants, x as f64, y as f64, grid);
+                let (mut colour, on_object) = pixel(&instants, x as f64, y as f64, samples);
                 if let Some(light) = &light {
                     let (factor, bias) = light.local(x as f64, y as f64);
                     let share = if object_only { on_object } else { 1.0 };
@@ -241,15 +283,21 @@ impl Sequence {
     /// Planes at time `t`, nearest first.
     fn layers(&self, t: f64) -> Vec<Layer<'_>> {
         let mut layers = Vec::with_capacity(4);
-        let mut add = |plane, placed: Mat3, half: Option<[f64; 2]>, object| {
+        let mut add = |plane, placed: Mat3, half: Option<[f64; 2]>, object: bool| {
             let Some(sheet) = placed.try_inverse() else { return };
-            let bounds = half.map_or([f64::MIN, f64::MIN, f64::MAX, f64::MAX], |h| extent(&placed, h));
+            let bend = self.bend.filter(|_| object).map(|b| (b, b.amount(t)));
+            let room = bend.map_or(0.0, |(_, amount)| 2.0 * amount);
+            let bounds = half.map_or([f64::MIN, f64::MIN, f64::MAX, f64::MAX], |h| {
+                extent(&placed, h.map(|n| n + room))
+            });
             let plane: &Plane = plane;
             let map = plane.to_texels * sheet;
             layers.push(Layer {
                 plane,
                 map,
-                sheet: half.map(|h| (sheet, h)),
+                sheet,
+                half,
+                bend,
                 bounds,
                 object,
             });
@@ -275,7 +323,7 @@ impl Sequence {
 
     /// Samples per pixel side: at least 3 (2 with many instants), about one per texel where texels are densest, at
     /// most 8.
-    fn grid(&self, layers: &[Layer<'_>], instants: usize) -> usize {
+    fn samples(&self, layers: &[Layer<'_>], instants: usize) -> usize {
         let frame = self.spec.size.map(|n| n as f64 - 1.0);
         let mut most: f64 = if instants >= 4 { 2.0 } else { 3.0 };
         for layer in layers {
@@ -325,12 +373,20 @@ fn pixel(instants: &[Vec<Layer<'_>>], x: f64, y: f64, n: usize) -> ([f64; 3], f6
             let at = |i: usize, c: f64| c + (i as f64 + 0.5) / n as f64 - 0.5;
             let p = [at(k % n, x), at(k / n, y)];
             for (_, layer) in layers.iter().enumerate().filter(|(k, _)| seen >> k & 1 == 1) {
-                let inside = layer.sheet.as_ref().is_none_or(|(map, half)| {
-                    project(map, p).is_some_and(|s| s[0].abs() <= half[0] && s[1].abs() <= half[1])
+                let flat = || {
+                    let q = project(&layer.sheet, p)?;
+                    Some(layer.bend.map_or(q, |(bend, amount)| bend.flat(amount, q)))
+                };
+                let inside = layer.half.is_none_or(|half| {
+                    flat().is_some_and(|s| s[0].abs() <= half[0] && s[1].abs() <= half[1])
                 });
                 if inside {
+                    let texel = match layer.bend {
+                        Some(_) => flat().and_then(|m| project(&layer.plane.to_texels, m)),
+                        None => project(&layer.map, p),
+                    };
                     // Behind the horizon of an endless plane there is nothing.
-                    if let Some([u, v]) = project(&layer.map, p) {
+                    if let Some([u, v]) = texel {
                         let c = layer.plane.sample(u, v);
                         sum = [0, 1, 2].map(|k| sum[k] + f64::from(c[k]));
                         on_object += usize::from(layer.object);

@@ -159,6 +159,8 @@ pub struct SynthSpec {
     pub stretch: Option<f64>,
     /// Perspective amplitude: relative change of depth across the box, instead of the one derived.
     pub tilt: Option<f64>,
+    /// How far the sheet's points shift within its plane as it bends like a page, px; such a sequence has dense truth.
+    pub bend: f64,
     /// Whether corners may leave the frame.
     pub allow_outside: bool,
     /// Changes of light.
@@ -206,6 +208,7 @@ impl Default for SynthSpec {
             zoom: None,
             stretch: None,
             tilt: None,
+            bend: 0.0,
             allow_outside: false,
             light: Light {
                 gain: [1.0, 1.0],

@@ -1,7 +1,8 @@
-//! Sequence folders: frames, `groundtruth.txt`, `meta.json`.
+//! Sequence folders: frames, `groundtruth.txt`, `groundtruth_grid.csv` (of sheets that bend), `meta.json`.
 
 use super::render::{Sequence, render_sequence};
 use super::spec::{Format, SynthError, SynthSpec};
+use crate::dataset::GRID_FILE;
 use image::{ImageEncoder, RgbImage};
 use rayon::prelude::*;
 use std::fmt::Write as _;
@@ -64,6 +65,22 @@ pub fn ground_truth(sequence: &Sequence, format: Format) -> String {
     text
 }
 
+/// Text of `groundtruth_grid.csv`: per frame its file name and the places of the grid's points, px; `None` when the
+/// corners tell all.
+pub fn dense_ground_truth(sequence: &Sequence, format: Format) -> Option<String> {
+    let points = sequence.grid(0)?.len();
+    let header: String = (1..=points).map(|k| format!(",x{k},y{k}")).collect();
+    let mut text = format!("frame{header}\n");
+    for i in 0..sequence.len() {
+        text += &frame_name(i, format);
+        for [x, y] in sequence.grid(i)? {
+            let _ = write!(text, ",{x:.4},{y:.4}");
+        }
+        text.push('\n');
+    }
+    Some(text)
+}
+
 /// Text of `meta.json` for a sequence called `name`.
 pub fn metadata(name: &str, spec: &SynthSpec, sequence: &Sequence) -> String {
     let round = |v: f64| (v * 1000.0).round() / 1000.0;
@@ -85,14 +102,15 @@ pub fn metadata(name: &str, spec: &SynthSpec, sequence: &Sequence) -> String {
     format!("{meta:#}\n")
 }
 
-/// Removes `frameNNNNN.jpg` and `.png`: frames of an earlier sequence must not outlive its ground truth.
-fn remove_frames(dir: &Path) -> std::io::Result<()> {
+/// Removes `frameNNNNN.jpg` and `.png`, and dense truth: those of an earlier sequence must not outlive its ground truth.
+fn remove_earlier(dir: &Path) -> std::io::Result<()> {
     for entry in std::fs::read_dir(dir)? {
         let name = entry?.file_name().to_string_lossy().into_owned();
         let number = name
             .strip_prefix("frame")
             .and_then(|n| n.strip_suffix(".jpg").or(n.strip_suffix(".png")));
-        if number.is_some_and(|n| n.len() == 5 && n.bytes().all(|b| b.is_ascii_digit())) {
+        if name == GRID_FILE || number.is_some_and(|n| n.len() == 5 && n.bytes().all(|b| b.is_ascii_digit()))
+        {
             std::fs::remove_file(dir.join(name))?;
         }
     }
@@ -122,7 +140,7 @@ pub fn write_sequence(spec: &SynthSpec, dir: &Path, force: bool) -> Result<Writt
         Ok(bytes.len() as u64)
     };
     if force {
-        remove_frames(dir).map_err(|e| failed(dir, e.to_string()))?;
+        remove_earlier(dir).map_err(|e| failed(dir, e.to_string()))?;
     }
     let frame = |i: usize| {
         let name = frame_name(i, spec.format);
@@ -139,6 +157,9 @@ pub fn write_sequence(spec: &SynthSpec, dir: &Path, force: bool) -> Result<Writt
         .file_name()
         .map_or("sequence".into(), |n| n.to_string_lossy().into_owned());
     bytes += save("meta.json", metadata(&name, spec, &sequence).as_bytes())?;
+    if let Some(text) = dense_ground_truth(&sequence, spec.format) {
+        bytes += save(GRID_FILE, text.as_bytes())?;
+    }
     bytes += save("groundtruth.txt", ground_truth(&sequence, spec.format).as_bytes())?;
     let [mean_speed, max_speed] = sequence.speed();
     Ok(Written {
