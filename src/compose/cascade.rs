@@ -1,0 +1,127 @@
+//! Cascade: trackers one after the other, each starting where the one before ended (Singh & Jagersand, *Modular Tracking
+//! Framework*, composite trackers). A wide but coarse search in front of a narrow but precise one.
+//!
+//! The answer is that of the last layer that had one. A layer whose answer is none (it threw) is passed over.
+
+use super::history::{History, Recall};
+use crate::geom::Corners;
+use crate::image::Frame;
+use crate::tracker::{Stop, TrackError, Tracker, Update};
+
+crate::params! {
+    /// Parameters of [`Cascade`].
+    pub struct CascadeParams {
+        /// The last layer's answer is where the first one starts in the next frame.
+        feedback: bool = true;
+        /// Start anew from a frame before when two successive layers disagree.
+        auto_reinit: bool = false;
+        /// Mean corner distance between successive layers beyond which they disagree, px.
+        reinit_err_thresh: f64 = 10.0, in 0.0..=1e4;
+        /// How many frames before the present one all layers are started anew.
+        reinit_frame_gap: usize = 10, in 1..=1000;
+    }
+}
+
+/// Trackers in sequence.
+pub struct Cascade {
+    params: CascadeParams,
+    layers: Vec<Box<dyn Tracker>>,
+    history: History,
+}
+
+impl Cascade {
+    /// From its layers, at least one, in their order.
+    pub fn new(params: CascadeParams, layers: Vec<Box<dyn Tracker>>) -> Self {
+        let history = History::new(if params.auto_reinit { params.reinit_frame_gap } else { 0 });
+        Cascade {
+            params,
+            layers,
+            history,
+        }
+    }
+
+    /// One pass through the layers; whether two of them disagreed, or one went wrong.
+    fn pass(&mut self, frame: &Frame) -> (Result<Update, TrackError>, bool) {
+        let mut answer: Option<Update> = None;
+        let mut error = TrackError::NotInitialised;
+        let mut doubt = false;
+        for layer in &mut self.layers {
+            let started = answer.map_or(Ok(()), |a| layer.set_region(&a.corners));
+            match started.and_then(|()| layer.update(frame)) {
+                Ok(mut update) => {
+                    if let Some(before) = answer {
+                        let apart = before.corners.mean_distance(&update.corners);
+                        // Not `>`: a distance that is no number is a disagreement too.
+                        doubt |= !(apart <= self.params.reinit_err_thresh);
+                        update.iterations += before.iterations;
+                    }
+                    update.stop = Stop::Done;
+                    answer = Some(update);
+                }
+                Err(e) => {
+                    doubt = true;
+                    error = e;
+                }
+            }
+        }
+        if let Some(update) = answer {
+            let last = self.layers.len() - 1;
+            let to = if self.params.feedback { 0..last } else { 0..0 };
+            for layer in &mut self.layers[to] {
+                // A layer that cannot go there stays where it is.
+                let _ = layer.set_region(&update.corners);
+            }
+        }
+        (answer.ok_or(error), doubt)
+    }
+}
+
+impl Recall for Cascade {
+    fn restart(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        self.layers.iter_mut().try_for_each(|layer| layer.init(frame, corners))
+    }
+
+    fn step(&mut self, frame: &Frame) -> (Result<Update, TrackError>, bool) {
+        self.pass(frame)
+    }
+
+    fn history(&mut self) -> &mut History {
+        &mut self.history
+    }
+}
+
+impl Tracker for Cascade {
+    fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        self.restart(frame, corners)?;
+        self.history.start(frame, corners);
+        Ok(())
+    }
+
+    fn update(&mut self, frame: &Frame) -> Result<Update, TrackError> {
+        self.step_with_recall(frame)
+    }
+
+    fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
+        self.layers.iter_mut().try_for_each(|layer| layer.set_region(corners))
+    }
+
+    fn corners(&self) -> Corners {
+        self.layers.last().map_or(Corners::default(), |layer| layer.corners())
+    }
+
+    fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
+        self.layers.last()?.place(x)
+    }
+
+    fn reseed(&mut self, seed: u64) {
+        super::reseed_members(&mut self.layers, seed);
+    }
+
+    fn channels(&self) -> usize {
+        super::channels(&self.layers)
+    }
+
+    fn memory(&self) -> usize {
+        self.layers.iter().map(|l| l.memory()).sum::<usize>() + self.history.memory()
+    }
+}

@@ -1,0 +1,138 @@
+//! Composite trackers: trackers made of trackers, which may be composites themselves.
+//!
+//! One file per kind; [`COMPOSITES`] is the table that names them, [`SHORT`] the search methods that are composites of
+//! others. May depend on everything below `registry`.
+
+mod cascade;
+mod history;
+mod parallel;
+mod pyramid;
+mod rklt;
+
+pub use cascade::{Cascade, CascadeParams};
+pub use parallel::{Parallel, ParallelEstimate, ParallelParams};
+pub use pyramid::{Pyramid, PyramidParams};
+pub use rklt::{Rklt, RkltParams};
+
+use crate::params::{Assignment, Built, ParamInfo, Params};
+use crate::tracker::Tracker;
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+
+/// Makes a member, with settings in addition to its own; or says why it cannot.
+pub type Make = Arc<dyn Fn(&[Assignment<'_>]) -> Result<Box<dyn Tracker>, String> + Send + Sync>;
+
+/// A member of a composite.
+#[derive(Clone)]
+pub struct Member {
+    /// Its kind, for composites that treat one specially; a single-layer tracker's search method.
+    pub kind: String,
+    /// Its parameters with their values.
+    pub params: Vec<(ParamInfo, String)>,
+    /// Makes it.
+    pub make: Make,
+}
+
+impl Member {
+    fn plain(&self) -> Result<Box<dyn Tracker>, String> {
+        (self.make)(&[])
+    }
+}
+
+/// A row of the table of composites.
+#[derive(Clone)]
+pub struct CompositeEntry {
+    /// Name.
+    pub name: &'static str,
+    /// Other names.
+    pub aliases: &'static [&'static str],
+    /// One-line description.
+    pub summary: &'static str,
+    /// How many members it takes.
+    pub members: (usize, usize),
+    /// Parameters.
+    pub params: fn() -> Vec<ParamInfo>,
+    /// Builds it from `(name, value)` assignments and its members; or says why it cannot be.
+    pub build: fn(&[Assignment<'_>], &[Member]) -> Result<Box<dyn Tracker>, String>,
+    /// Canonical text of a parameter after the assignments.
+    pub canonical: fn(&[Assignment<'_>], &str) -> Built<Option<String>>,
+}
+
+impl CompositeEntry {
+    const fn of<P: Params>(
+        name: &'static str,
+        aliases: &'static [&'static str],
+        summary: &'static str,
+        members: RangeInclusive<usize>,
+        build: fn(&[Assignment<'_>], &[Member]) -> Result<Box<dyn Tracker>, String>,
+    ) -> Self {
+        CompositeEntry {
+            name,
+            aliases,
+            summary,
+            members: (*members.start(), *members.end()),
+            params: P::info,
+            build,
+            canonical: |assignments, name| Ok(P::from_assignments(assignments)?.get(name)),
+        }
+    }
+}
+
+fn params<P: Params>(assignments: &[Assignment<'_>]) -> Result<P, String> {
+    P::from_assignments(assignments).map_err(|e| e.to_string())
+}
+
+fn all(members: &[Member]) -> Result<Vec<Box<dyn Tracker>>, String> {
+    members.iter().map(Member::plain).collect()
+}
+
+/// Every kind of composite.
+pub const COMPOSITES: &[CompositeEntry] = &[
+    CompositeEntry::of::<CascadeParams>(
+        "cascade",
+        &["casc"],
+        "one after the other, each from where the one before ended",
+        1..=16,
+        |p, members| Ok(Box::new(Cascade::new(params(p)?, all(members)?))),
+    ),
+    CompositeEntry::of::<ParallelParams>(
+        "parallel",
+        &["prl"],
+        "side by side from the same place; the answer is a mean",
+        1..=64,
+        |p, members| Ok(Box::new(Parallel::new(params(p)?, all(members)?))),
+    ),
+    CompositeEntry::of::<PyramidParams>(
+        "pyramid",
+        &["pyr"],
+        "the same tracker on every level of the image pyramid, coarse to fine",
+        1..=1,
+        |p, members| Ok(Box::new(pyramid::build(&params(p)?, &members[0])?)),
+    ),
+    CompositeEntry::of::<RkltParams>(
+        "rklt",
+        &["rkl"],
+        "a leader from frame to frame, and a fixed template that corrects its drift",
+        2..=2,
+        |p, members| {
+            let (leader, template) = (members[0].plain()?, members[1].plain()?);
+            Ok(Box::new(Rklt::new(params(p)?, leader, template)))
+        },
+    ),
+];
+
+/// Seeds members apart.
+fn reseed_members(members: &mut [Box<dyn Tracker>], seed: u64) {
+    for (member, k) in members.iter_mut().zip(1u64..) {
+        // A step of SplitMix64 (Steele, Lea & Flood 2014), so that no two members share a stream.
+        let mut z = seed.wrapping_add(k.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        member.reseed(z ^ (z >> 31));
+    }
+}
+
+/// Channels that the members read between them.
+fn channels(members: &[Box<dyn Tracker>]) -> usize {
+    members.iter().map(|m| m.channels()).max().unwrap_or(1)
+}

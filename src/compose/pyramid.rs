@@ -1,0 +1,145 @@
+//! Pyramid: the same tracker on every level of the image pyramid, coarse to fine. Level `k` is the frame halved `k` times,
+//! `x_k = x/2^k` exactly.
+
+use crate::geom::Corners;
+use super::Member;
+use crate::image::Frame;
+use crate::params::{ParamValue, Resolution};
+use crate::tracker::{Stop, TrackError, Tracker, Update};
+
+crate::params! {
+    /// Parameters of [`Pyramid`].
+    pub struct PyramidParams {
+        /// Levels, the full frame included; fewer for small objects.
+        levels: usize = 3, in 1..=8;
+        /// Coarser levels sample fewer points: half as many per side from level to level, no fewer than 8.
+        scale_res: bool = true;
+    }
+}
+
+/// Shortest side of the object on the coarsest level, px.
+const MIN_SIDE: f64 = 8.0;
+
+/// A tracker per level.
+pub struct Pyramid {
+    /// Level 0 first.
+    levels: Vec<Box<dyn Tracker>>,
+    /// Of these, the ones in use: all that the object is large enough for.
+    used: usize,
+}
+
+fn scaled(corners: &Corners, factor: f64) -> Corners {
+    Corners(corners.0.map(|c| c.map(|v| v * factor)))
+}
+
+/// `2^-k`.
+fn shrink(level: usize) -> f64 {
+    1.0 / (1u64 << level) as f64
+}
+
+impl Pyramid {
+    /// From its trackers, level 0 (the full frame) first; at least one.
+    pub fn new(levels: Vec<Box<dyn Tracker>>) -> Self {
+        Pyramid { levels, used: 0 }
+    }
+
+    fn level<'f>(&self, frame: &'f Frame, k: usize) -> &'f Frame {
+        frame.level(k, self.levels[k].channels())
+    }
+}
+
+impl Tracker for Pyramid {
+    fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        let side = (0..4).map(|i| {
+            let (a, b) = (corners.0[i], corners.0[(i + 1) % 4]);
+            ((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])).sqrt()
+        });
+        let shortest = side.fold(f64::INFINITY, f64::min);
+        let fits = |k: &usize| k < &frame.levels() && shortest * shrink(*k) >= MIN_SIDE;
+        self.used = 0;
+        for k in 0..(0..self.levels.len()).take_while(fits).count().max(1) {
+            let started = self.levels[k].init(frame.level(k, self.levels[k].channels()), &scaled(corners, shrink(k)));
+            match started {
+                Ok(()) => self.used = k + 1,
+                // What is too small to see on a coarse level is tracked on the finer ones.
+                Err(_) if k > 0 => break,
+                Err(e) => return Err(e),
+            }
+        }
+        Ok(())
+    }
+
+    fn update(&mut self, frame: &Frame) -> Result<Update, TrackError> {
+        if self.used == 0 {
+            return Err(TrackError::NotInitialised);
+        }
+        let mut iterations = 0;
+        let mut answer: Option<Update> = None;
+        let mut error = TrackError::NotInitialised;
+        for k in (0..self.used).rev() {
+            let level = self.level(frame, k);
+            if let Some(coarse) = &answer {
+                // A level that cannot go there searches from where it was.
+                let _ = self.levels[k].set_region(&scaled(&coarse.corners, shrink(k)));
+            }
+            match self.levels[k].update(level) {
+                Ok(update) => {
+                    iterations += update.iterations;
+                    let corners = scaled(&update.corners, 1.0 / shrink(k));
+                    answer = Some(Update { corners, ..update });
+                }
+                Err(e) => error = e,
+            }
+        }
+        let update = answer.ok_or(error)?;
+        let top = self.used - 1;
+        let _ = self.levels[top].set_region(&scaled(&update.corners, shrink(top)));
+        Ok(Update {
+            stop: Stop::Done,
+            iterations,
+            ..update
+        })
+    }
+
+    fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
+        (0..self.used).try_for_each(|k| self.levels[k].set_region(&scaled(corners, shrink(k))))
+    }
+
+    fn corners(&self) -> Corners {
+        self.levels[0].corners()
+    }
+
+    fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
+        self.levels[0].place(x)
+    }
+
+    fn reseed(&mut self, seed: u64) {
+        super::reseed_members(&mut self.levels, seed);
+    }
+
+    fn channels(&self) -> usize {
+        super::channels(&self.levels)
+    }
+
+    fn memory(&self) -> usize {
+        self.levels.iter().map(|l| l.memory()).sum()
+    }
+}
+
+/// Fewest points per side of a coarse level.
+const MIN_RES: usize = 8;
+
+/// A pyramid of the member, sampled more coarsely on coarser levels if asked for.
+pub(super) fn build(params: &PyramidParams, member: &Member) -> Result<Pyramid, String> {
+    let res = member.params.iter().find(|(info, _)| info.name == "res");
+    let res = res.and_then(|(_, text)| Resolution::parse(text)).filter(|_| params.scale_res);
+    let level = |k: usize| match res {
+        Some(res) => {
+            let side = |n: usize| (n >> k).max(MIN_RES.min(n));
+            let text = Resolution { cols: side(res.cols), rows: side(res.rows) }.text();
+            (member.make)(&[("res", &text)])
+        }
+        None => (member.make)(&[]),
+    };
+    Ok(Pyramid::new((0..params.levels).map(level).collect::<Result<_, _>>()?))
+}
