@@ -6,6 +6,7 @@ mod decode;
 mod frame;
 mod plane;
 mod preprocess;
+mod pyramid;
 
 pub use decode::{Decoded, ImageError, MAX_PIXELS, decode, decode_file, dimensions};
 pub use frame::Frame;

@@ -107,6 +107,8 @@ pub trait Lanes: Copy {
     fn repeat_first(self) -> Self;
     /// Lanes 1, ..., 7, 7.
     fn repeat_last(self) -> Self;
+    /// The even and the odd ones of sixteen lanes.
+    fn unzip(a: Self, b: Self) -> (Self, Self);
 
     /// First `s.len() < 8` elements of `s`, the rest zero.
     #[inline(always)]
@@ -258,6 +260,14 @@ impl Lanes for Portable {
     #[inline(always)]
     fn repeat_last(self) -> Self {
         Portable(std::array::from_fn(|l| self.0[(l + 1).min(WIDTH - 1)]))
+    }
+    #[inline(always)]
+    fn unzip(a: Self, b: Self) -> (Self, Self) {
+        let at = |i: usize| if i < WIDTH { a.0[i] } else { b.0[i - WIDTH] };
+        (
+            Portable(std::array::from_fn(|l| at(2 * l))),
+            Portable(std::array::from_fn(|l| at(2 * l + 1))),
+        )
     }
     #[inline(always)]
     unsafe fn quads(plane: &[f32], stride: usize, x: Self, y: Self) -> [Self; 4] {
@@ -425,6 +435,17 @@ mod x86 {
         fn repeat_last(self) -> Self {
             let order = unsafe { _mm256_setr_epi32(1, 2, 3, 4, 5, 6, 7, 7) };
             Avx2(unsafe { _mm256_permutevar8x32_ps(self.0, order) })
+        }
+        #[inline(always)]
+        fn unzip(a: Self, b: Self) -> (Self, Self) {
+            unsafe {
+                let even = _mm256_castps_pd(_mm256_shuffle_ps::<0b10_00_10_00>(a.0, b.0));
+                let odd = _mm256_castps_pd(_mm256_shuffle_ps::<0b11_01_11_01>(a.0, b.0));
+                (
+                    Avx2(_mm256_castpd_ps(_mm256_permute4x64_pd::<0b11_01_10_00>(even))),
+                    Avx2(_mm256_castpd_ps(_mm256_permute4x64_pd::<0b11_01_10_00>(odd))),
+                )
+            }
         }
         // One 64-bit load fetches a pixel and its right neighbour; on Zen this beats gathers by half.
         #[inline(always)]
