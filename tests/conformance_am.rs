@@ -95,6 +95,9 @@ const OPTIONS: &[(&str, &[(&str, &str)])] = &[
     ("lscv", &[("affine", "0"), ("mapped_gradient", "1")]),
     ("lrscv", &[("affine", "0"), ("weighted", "1")]),
     ("lrscv", &[("mapped_gradient", "1"), ("n_regions", "4")]),
+    ("pca", &[("batch_size", "2")]),
+    ("dfm", &[("n_maps", "10"), ("zncc", "0")]),
+    ("dfm", &[("n_maps", "1")]),
     ("sum", &[("am1", "ssim"), ("am2", "spss")]),
     ("sum", &[("am1", "scv"), ("am2", "riu")]),
 ];

@@ -20,8 +20,11 @@
 //! Models whose gradient does not vanish at perfect alignment return centred gradients and the matching mixed Hessian
 //! from the same methods, so that no search method knows the difference.
 
+mod bank;
+mod dfm;
 mod ncc;
 mod nssd;
+mod pca;
 mod riu;
 mod sad;
 mod scv;
@@ -32,8 +35,11 @@ mod sum;
 mod tone;
 mod zncc;
 
+pub use bank::OrientedBank;
+pub use dfm::{Dfm, DfmParams, PatchFeatures};
 pub use ncc::Ncc;
 pub use nssd::Nssd;
+pub use pca::Pca;
 pub use riu::Riu;
 pub use sad::Sad;
 pub use scv::{ConditionalVariance, Lrscv, Lscv, Rscv, Scv};
@@ -62,7 +68,9 @@ pub const AMS: &[AmEntry] = &[
     AmEntry::of::<Rscv>(),
     AmEntry::of::<Lscv>(),
     AmEntry::of::<Lrscv>(),
+    AmEntry::of::<Pca>(),
     AmEntry::of::<Sum>(),
+    AmEntry::of::<Dfm>(),
 ];
 
 /// Shape of a patch.
@@ -210,7 +218,7 @@ pub trait AppearanceModel: Send {
     }
 
     /// Adapts the model to the patch at which a frame's search ended (raw, like all patches). Returns true when
-    /// something that a search method may have kept has changed: gradients or Hessians of the template side.
+    /// something that a search method may have kept has changed: gradients or Hessians of the template side. May allocate.
     fn learn(&mut self, _patch: &[f32]) -> bool {
         false
     }

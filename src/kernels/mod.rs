@@ -4,6 +4,7 @@
 //! results on any instruction set. Depends on nothing else in the crate but plain data types.
 
 pub mod blur;
+mod filter;
 pub mod gray;
 mod lanes;
 mod normal;
@@ -14,6 +15,7 @@ mod steepest;
 mod tone;
 mod warp;
 
+pub use filter::{Pass, filter_pass, subtract_combination};
 #[cfg(target_arch = "x86_64")]
 pub use lanes::Avx2;
 pub(crate) use lanes::dispatch;

@@ -36,6 +36,18 @@ param_enum! {
     }
 }
 
+param_enum! {
+    /// Whether the appearance model learns from tracked frames.
+    pub enum Learning {
+        /// If the model is of little use without.
+        Auto = "auto",
+        /// No.
+        Off = "0",
+        /// Yes.
+        On = "1",
+    }
+}
+
 crate::params! {
     /// Parameters of all gradient search methods.
     pub struct LkParams {
@@ -53,6 +65,8 @@ crate::params! {
         lm_init: f64 = 0.01, in 1e-10..=1e10;
         /// Levenberg-Marquardt: factor of the damping.
         lm_factor: f64 = 10.0, in 1.01..=1e6;
+        /// The appearance model learns from each tracked frame: auto (models that need it), 0 or 1.
+        enable_learning: Learning = Learning::Auto;
     }
 }
 
@@ -399,6 +413,20 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         Ok((stop, iterations as u32))
     }
 
+    /// Shows the model the patch at the final location, if it is to learn.
+    fn learn(&mut self, image: &Image, ws: &mut Workspace) {
+        let wanted = match self.params.enable_learning {
+            Learning::Auto => self.am.needs_learning(),
+            Learning::Off => false,
+            Learning::On => true,
+        };
+        // A last step that ended outside the image teaches nothing.
+        if wanted && self.sample(image, ws, false).is_ok() && self.am.learn(&ws.values) {
+            let (method, mut kit, _) = self.kit(image, ws);
+            method.prepare(&mut kit);
+        }
+    }
+
     fn sample(&mut self, image: &Image, ws: &mut Workspace, gradient: bool) -> Result<(), TrackError> {
         let b = &mut **ws;
         self.ssm.warp_into(&mut b.x, &mut b.y);
@@ -485,12 +513,16 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         self.accepted.copy_from_slice(self.ssm.state());
         self.am.begin_frame();
         match self.search(image, &mut ws) {
-            Ok((stop, iterations)) => Ok(Update {
-                corners: self.ssm.corners(),
-                stop,
-                iterations,
-                similarity: self.am.similarity(),
-            }),
+            Ok((stop, iterations)) => {
+                let similarity = self.am.similarity();
+                self.learn(image, &mut ws);
+                Ok(Update {
+                    corners: self.ssm.corners(),
+                    stop,
+                    iterations,
+                    similarity,
+                })
+            }
             Err(e) => {
                 // The step that led nowhere is undone; the one before it was sound.
                 self.ssm.set_state(&self.accepted)?;

@@ -16,7 +16,7 @@ mod workspace;
 pub use esm::{EsmMethod, EsmParams};
 pub use falk::FalkMethod;
 pub use fclk::FclkMethod;
-pub use gradient::{Hessian, Kit, Lk, LkMethod, LkParams};
+pub use gradient::{Hessian, Kit, Learning, Lk, LkMethod, LkParams};
 pub use ialk::IalkMethod;
 pub use iclk::IclkMethod;
 pub use sampling::{BorderMode, Channels, SamplingParams};
