@@ -95,14 +95,14 @@ pub struct PatchPair {
 }
 
 /// Derivatives of an appearance model with respect to pixel values, and its Hessians along `dof` random directions:
-/// the acceptance tests that hold for every differentiable model.
+/// the acceptance tests that hold for every differentiable model, built with its plain assignments.
 pub fn appearance(
     entry: &AmEntry,
     pair: &PatchPair,
     dof: usize,
     seed: u64,
 ) -> Result<Vec<Check>, DiagnoseError> {
-    appearance_with(entry, &[], pair, dof, seed)
+    appearance_with(entry, entry.plain, pair, dof, seed)
 }
 
 /// The same of a model with parameters that differ from the defaults.
@@ -181,12 +181,15 @@ pub fn appearance_with(
             1e-6,
         );
 
-        let h = 1e-3;
+        // Fourth-order differences: truncation and rounding both stay below single precision.
         let hessian = |f: &dyn Fn(&[f64]) -> f64| {
             let mut out = SymMatrix::new(dof);
             out.fill(|a, b| {
-                let at = |sa: f64, sb: f64| f(&moved(&[(a, sa * h), (b, sb * h)]));
-                (at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0)) / (4.0 * h * h)
+                let cross = |h: f64| {
+                    let at = |sa: f64, sb: f64| f(&moved(&[(a, sa * h), (b, sb * h)]));
+                    (at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0)) / (4.0 * h * h)
+                };
+                (4.0 * cross(1e-3) - cross(2e-3)) / 3.0
             });
             out
         };
@@ -310,15 +313,22 @@ pub fn warp(
         tolerance: 1e-6,
     }];
     let weights: Vec<f32> = (0..n).map(|_| r.random_range(-1.0..1.0)).collect();
+    let zero = vec![0.0; s];
     let kinds = [
         JacobianKind::Template,
         JacobianKind::Warped,
         JacobianKind::Additive,
         JacobianKind::Approximate,
     ];
-    for kind in kinds {
+    let composes = ssm.capabilities().compositional;
+    // Without composition, the warped kind is the derivative of nothing the warp can do, and the approximate one, whose
+    // reference below carries the template by a homography, cannot be checked this way.
+    let checked = |k: &JacobianKind| composes || matches!(k, JacobianKind::Template | JacobianKind::Additive);
+    for kind in kinds.into_iter().filter(checked) {
         let d = if kind.of_template() { &template } else { &current };
         let gradient = Gradient { x: &d[0], y: &d[1] };
+        ssm.set_state(if kind == JacobianKind::Template { &zero } else { &p })
+            .map_err(&error)?;
         let mut j = Jacobian::new(n, s);
         ssm.jacobian_into(kind, gradient, Points { x: &x, y: &y }, 0, &mut j);
         let mut h = SymMatrix::new(s);
@@ -330,13 +340,13 @@ pub fn warp(
         ssm.curvature_into(kind, &weights, gradient, hessian, &mut h);
         // The image along an increment: what each kind is the derivative of. The approximate kind sees the template
         // carried along by the present warp.
-        let zero = vec![0.0; s];
         let (start, how) = match kind {
+            JacobianKind::Template if !composes => (&zero, Increment::Additive),
             JacobianKind::Template => (&zero, Increment::Compositional),
             JacobianKind::Warped => (&p, Increment::Compositional),
             JacobianKind::Additive | JacobianKind::Approximate => (&p, Increment::Additive),
         };
-        let back = (kind == JacobianKind::Approximate)
+        let carried = (kind == JacobianKind::Approximate)
             .then(|| homography::from_corners(&ssm.corners(), &base))
             .flatten();
         let mut image = |delta: &[(usize, f64)]| -> Result<Vec<f64>, TrackError> {
@@ -346,7 +356,7 @@ pub fn warp(
             moving.update(how, &step)?;
             let value = |i: usize| {
                 let u = moving.point(i);
-                waves.at(back.map_or(u, |b| homography::apply(&b, u)))
+                waves.at(carried.map_or(u, |m| homography::apply(&m, u)))
             };
             Ok((0..n).map(value).collect())
         };
@@ -370,7 +380,7 @@ pub fn warp(
             tolerance: 1e-5,
         });
         // Fourth-order differences, so that rounding and truncation both stay below the single-precision kernels.
-        let e = 2e-3;
+        let e = 0.1 / ssm.radius();
         let weighted = |v: Vec<f64>| {
             v.iter()
                 .zip(&weights)
@@ -422,6 +432,7 @@ fn plane(image: &Image) -> Grid2<'_> {
 impl<'a> Chain<'a> {
     fn new(
         am: &AmEntry,
+        assignments: &[Assignment<'_>],
         ssm: &SsmEntry,
         images: [&'a Image; 2],
         corners: &Corners,
@@ -430,7 +441,7 @@ impl<'a> Chain<'a> {
         let error = failed(am.name);
         let shape = PatchShape { res, channels: 1 };
         let n = shape.len();
-        let (mut am, mut ssm) = ((am.build)(&[])?, (ssm.build)(&[])?);
+        let (mut am, mut ssm) = ((am.build)(assignments)?, (ssm.build)(&[])?);
         ssm.init(corners, res).map_err(&error)?;
         let (mut x, mut y) = (vec![0.0; n], vec![0.0; n]);
         let [mut template, mut gx, mut gy] = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
@@ -517,7 +528,7 @@ pub fn chain(
 ) -> Result<Vec<Check>, DiagnoseError> {
     let subject = format!("{}/{}", am.name, ssm.name);
     let error = failed(&subject);
-    let mut chain = Chain::new(am, ssm, images, corners, res)?;
+    let mut chain = Chain::new(am, am.plain, ssm, images, corners, res)?;
     if !chain.am.capabilities().derivatives {
         return Ok(Vec::new());
     }
@@ -531,6 +542,9 @@ pub fn chain(
         (JacobianKind::Additive, Increment::Additive),
         (JacobianKind::Warped, Increment::Compositional),
     ] {
+        if how == Increment::Compositional && !chain.ssm.capabilities().compositional {
+            continue;
+        }
         let j = chain.jacobian(kind, &sampled);
         let mut gradient = vec![0.0; chain.shape.len()];
         chain.am.gradient_into(Side::Current, &mut gradient);
@@ -584,7 +598,7 @@ pub struct SweepRow {
     pub likelihood: f64,
     /// RMS motion of the corners, px.
     pub corner_motion: f64,
-    /// Entry of the compositional gradient `f_t J`.
+    /// Entry of the gradient `f_t J`: compositional, or additive for warps that do not compose.
     pub gradient: f64,
     /// Entry of `½ (f_t J - f_0 J0)` (ESM).
     pub gradient_esm: f64,
@@ -600,6 +614,17 @@ pub struct SweepRow {
     pub hessian_numeric: f64,
 }
 
+/// Patch of `image` under the regular grid of `corners`.
+pub fn patch(image: &Image, corners: &Corners, res: Resolution) -> Result<Vec<f32>, DiagnoseError> {
+    let mut ssm = crate::ssm::Homography::new();
+    ssm.init(corners, res).map_err(failed("region"))?;
+    let n = res.len();
+    let [mut x, mut y, mut v] = std::array::from_fn(|_| vec![0.0; n]);
+    ssm.warp_into(&mut x, &mut y);
+    kernels::sample(plane(image), Border::Constant, &x, &y, &mut v);
+    Ok(v)
+}
+
 /// Shapes of the similarity and its derivatives along each parameter: `steps` values evenly spaced in `±range`
 /// (base-frame units, 1 = RMS distance of the corners from their centre).
 pub fn sweep(
@@ -613,9 +638,14 @@ pub fn sweep(
 ) -> Result<Vec<SweepRow>, DiagnoseError> {
     let subject = format!("{}/{}", am.name, ssm.name);
     let error = failed(&subject);
-    let mut chain = Chain::new(am, ssm, images, corners, res)?;
+    let mut chain = Chain::new(am, &[], ssm, images, corners, res)?;
     let s = chain.ssm.dof();
     let derivatives = chain.am.capabilities().derivatives;
+    let (how, kind) = if chain.ssm.capabilities().compositional {
+        (Increment::Compositional, JacobianKind::Warped)
+    } else {
+        (Increment::Additive, JacobianKind::Additive)
+    };
     let mut out = Vec::with_capacity(s * steps);
     for parameter in 0..s {
         for step in 0..steps {
@@ -647,7 +677,7 @@ pub fn sweep(
             let mut at = |d: f64| {
                 let mut delta = vec![0.0; s];
                 delta[parameter] = d;
-                chain.reference(Increment::Compositional, &delta)
+                chain.reference(how, &delta)
             };
             let (up, centre, down) = (
                 at(h).map_err(&error)?,
@@ -657,7 +687,7 @@ pub fn sweep(
             row.gradient_numeric = (up - down) / (2.0 * h);
             row.hessian_numeric = (up + down - 2.0 * centre) / (h * h);
             if derivatives {
-                let j = chain.jacobian(JacobianKind::Warped, &sampled);
+                let j = chain.jacobian(kind, &sampled);
                 let j0 = chain.jacobian(JacobianKind::Template, &sampled);
                 let mut scratch = vec![0.0; chain.shape.len()];
                 let (mut g, mut g0) = (Normal::new(s), vec![0.0; s]);

@@ -5,6 +5,7 @@
 pub mod am;
 pub mod dataset;
 pub mod diagnose;
+pub mod estimate;
 pub mod eval;
 pub mod geom;
 pub mod image;
@@ -16,3 +17,16 @@ pub mod sm;
 pub mod ssm;
 pub mod synth;
 pub mod tracker;
+
+/// What most programs need.
+pub mod prelude {
+    pub use crate::am::{AppearanceModel, Ncc, Ssd, Zncc};
+    pub use crate::dataset;
+    pub use crate::eval::error::frame_error;
+    pub use crate::geom::Corners;
+    pub use crate::image::{Frame, Image, parse_preprocessor};
+    pub use crate::registry::{Registry, Selection, TrackerSpec};
+    pub use crate::sm::{Esm, Falk, Fclk, Ialk, Iclk};
+    pub use crate::ssm::{Affine, Homography, Isometry, Similitude, StateSpaceModel, Translation};
+    pub use crate::tracker::{TrackError, Tracker, Update};
+}

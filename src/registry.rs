@@ -381,6 +381,15 @@ impl Registry {
         &self.ssms
     }
 
+    /// Appearance models of a list of names (`all` for every one).
+    pub fn select_ams(&self, list: &str) -> Result<Vec<&AmEntry>, SpecError> {
+        select(&self.ams, &[list.to_owned()])
+    }
+    /// State space models of a list of names.
+    pub fn select_ssms(&self, list: &str) -> Result<Vec<&SsmEntry>, SpecError> {
+        select(&self.ssms, &[list.to_owned()])
+    }
+
     fn triple(&self, spec: &TrackerSpec) -> Result<Triple<'_>, SpecError> {
         Ok(Triple {
             sm: find(&self.sms, &spec.sm).ok_or_else(|| unknown(&self.sms, &spec.sm))?,
@@ -415,6 +424,23 @@ impl Registry {
             });
         }
         let ssm = (triple.ssm.build)(&Triple::own(&(triple.ssm.params)(), &spec.params))?;
+        let capabilities = ssm.capabilities();
+        if let Some(why) = (triple.sm.refuses_ssm)(&capabilities) {
+            let others = self
+                .sms
+                .iter()
+                .filter(|e| (e.refuses_ssm)(&capabilities).is_none());
+            let others: Vec<&str> = others.map(|e| e.name).collect();
+            return Err(SpecError::Refused {
+                id: spec.to_string(),
+                reason: format!(
+                    "{} {why}; {} needs that; try {}",
+                    triple.ssm.name,
+                    triple.sm.name,
+                    others.join(", ")
+                ),
+            });
+        }
         Ok((triple.sm.build)(
             &Triple::own(&(triple.sm.params)(), &spec.params),
             am,
@@ -593,6 +619,31 @@ mod tests {
             message("iclk/ssd/8{hess=sum_of_self}"),
             "hess=sum_of_self: expected initial_self, current_self, std"
         );
+    }
+
+    #[test]
+    fn warps_without_an_algebra_are_refused_where_it_is_needed() {
+        let r = Registry::builtin();
+        let refused = |text: &str| r.build(&r.parse(text).unwrap()).err().map(|e| e.to_string());
+        assert_eq!(
+            refused("esm/ssd/spline").unwrap(),
+            "esm/ssd/spline: spline does not compose; esm needs that; try falk, ialk"
+        );
+        assert!(
+            refused("iclk/ncc/tps")
+                .unwrap()
+                .contains("has no inverses; iclk needs that")
+        );
+        assert!(refused("falk/ssd/spline").is_none() && refused("esm/ssd/asrt").is_none());
+        // In a product they are listed, not an error.
+        let s = Selection {
+            sm: list(&["lk"]),
+            am: list(&["ssd"]),
+            ssm: list(&["all"]),
+            ..Default::default()
+        };
+        let e = r.expand(&s).unwrap();
+        assert_eq!((e.specs.len(), e.refused.len()), (5 * 15 - 6, 6));
     }
 
     #[test]

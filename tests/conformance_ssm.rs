@@ -7,8 +7,9 @@ use mtf_eval::diagnose;
 use mtf_eval::geom::{Corners, Mat3, homography};
 use mtf_eval::params::Resolution;
 use mtf_eval::ssm::{
-    Affine, Homography, Increment, Isometry, Projective, ProjectiveModel, SSMS, Similitude, SsmModel,
-    StateSpaceModel, Translation,
+    Affine, Asrt, Ast, Cbh, Homography, Increment, Isometry, Ist, LieAffine, LieHomography, LieIsometry,
+    Projective, ProjectiveModel, SSMS, Similitude, Sl3, Spline, SsmEntry, SsmModel, StateSpaceModel, Tps,
+    Translation, fit_truth,
 };
 use rand::RngExt;
 use rand_pcg::Pcg64;
@@ -26,6 +27,11 @@ fn random_state(dof: usize, size: f64, r: &mut Pcg64) -> Vec<f64> {
 fn close(a: &Mat3, b: &Mat3, tolerance: f64, what: &str) {
     let (a, b) = (a / a[(2, 2)], b / b[(2, 2)]);
     assert!((a - b).abs().max() < tolerance, "{what}: {a} {b}");
+}
+
+/// Factor between `a c` and `b`, which are equal up to scale.
+fn scale(a: &Mat3, b: &Mat3, c: &Mat3) -> f64 {
+    (a * c)[(2, 2)] / b[(2, 2)]
 }
 
 /// Laws of the algebra and derivatives of one projective model.
@@ -48,29 +54,57 @@ fn battery<W: ProjectiveModel>() {
             assert!((a - b).abs() < 1e-10, "{}", W::NAME);
         }
         let compose = |a: &Mat3, b: &Mat3| model.matrix(&state(&(a * b)));
-        close(&compose(&mp, &mq), &(mp * mq), 1e-10, W::NAME);
-        close(
-            &compose(&compose(&mp, &mq), &ms),
-            &compose(&mp, &compose(&mq, &ms)),
-            1e-10,
-            W::NAME,
-        );
-        close(
-            &compose(&mp, &model.inverse(&p).unwrap()),
-            &Mat3::identity(),
-            1e-10,
-            W::NAME,
-        );
-        // Updates through the interface.
+        let inverse = model.inverse(&p).unwrap();
+        close(&(mp * inverse), &Mat3::identity(), 1e-10, W::NAME);
         ssm.set_state(&p).unwrap();
         ssm.update(Increment::Compositional, &q).unwrap();
-        close(ssm.matrix(), &(mp * mq), 1e-10, W::NAME);
-        ssm.update(Increment::InverseCompositional, &q).unwrap();
-        close(ssm.matrix(), &mp, 1e-10, W::NAME);
+        if W::GROUP {
+            close(&compose(&mp, &mq), &(mp * mq), 1e-10, W::NAME);
+            let (left, right) = (compose(&compose(&mp, &mq), &ms), compose(&mp, &compose(&mq, &ms)));
+            close(&left, &right, 1e-10, W::NAME);
+            close(&compose(&mp, &inverse), &Mat3::identity(), 1e-10, W::NAME);
+            // Updates through the interface.
+            close(ssm.matrix(), &(mp * mq), 1e-10, W::NAME);
+            ssm.update(Increment::InverseCompositional, &q).unwrap();
+            close(ssm.matrix(), &mp, 1e-10, W::NAME);
+        } else {
+            // The product is projected: no member in another direction is nearer.
+            let product = mp * mq;
+            let near = |s: &[f64]| (model.matrix(s) - product).norm_squared();
+            let best = near(ssm.state());
+            assert!(best > 0.0);
+            for k in 0..W::DOF {
+                for step in [-1e-3, 1e-3] {
+                    let mut moved = ssm.state().to_vec();
+                    moved[k] += step;
+                    assert!(near(&moved) > best, "{}", W::NAME);
+                }
+            }
+            ssm.set_state(&p).unwrap();
+            ssm.update(Increment::InverseCompositional, &q).unwrap();
+            close(
+                ssm.matrix(),
+                &compose(&mp, &model.inverse(&q).unwrap()),
+                1e-10,
+                W::NAME,
+            );
+            ssm.set_state(&p).unwrap();
+        }
+        let mut step = vec![0.0; W::DOF];
+        ssm.relative_into(&p, &q, &mut step).unwrap();
+        assert!(
+            !W::GROUP
+                || (mp * model.matrix(&step) - mq * scale(&mp, &mq, &model.matrix(&step)))
+                    .abs()
+                    .max()
+                    < 1e-10
+        );
         ssm.update(Increment::Additive, &q).unwrap();
         for (k, v) in ssm.state().iter().enumerate() {
             assert!((v - p[k] - q[k]).abs() < 1e-10, "{}", W::NAME);
         }
+        let caps = ssm.capabilities();
+        assert_eq!((caps.group, caps.min_points), (W::GROUP, W::MIN_POINTS));
         // First and second derivatives of the warp.
         let x0 = [r.random_range(-1.0..1.0), r.random_range(-1.0..1.0)];
         for at in [vec![0.0; W::DOF], p.clone()] {
@@ -123,6 +157,12 @@ fn battery<W: ProjectiveModel>() {
         ssm.set_state(&p).unwrap();
         let corners = ssm.corners();
         ssm.set_state(&q).unwrap();
+        assert_eq!(ssm.corners_at(&p), corners);
+        let (base, mut fitted) = (ssm.base_corners(), vec![0.0; W::DOF]);
+        ssm.fit_into(&base.0, &corners.0, &mut fitted).unwrap();
+        for (a, b) in fitted.iter().zip(&p) {
+            assert!((a - b).abs() < 1e-8, "{}: {fitted:?} {p:?}", W::NAME);
+        }
         assert!(ssm.fit_corners(&corners).unwrap() < 1e-8);
         assert!(common::alignment_error(&ssm.corners(), &corners) < 1e-8);
     }
@@ -130,13 +170,78 @@ fn battery<W: ProjectiveModel>() {
     assert!(model.fit(&[], &[], &mut p).is_none());
 }
 
-/// The names the battery below covers; the table may hold no others.
-const COVERED: [(&str, fn()); 5] = [
+/// What holds for warps that are linear in their state and do not compose.
+fn linear_battery<S: SsmModel + Default>() {
+    let mut r = common::rng(7);
+    let mut ssm = S::default();
+    ssm.init(&quad(), RES).unwrap();
+    let s = ssm.dof();
+    let caps = ssm.capabilities();
+    assert!(!caps.compositional && !caps.invertible && !caps.group && caps.estimable);
+    let at = |ssm: &mut S, p: &[f64]| -> Vec<[f64; 2]> {
+        ssm.set_state(p).unwrap();
+        (0..RES.len()).map(|i| ssm.point(i)).collect()
+    };
+    let base = at(&mut ssm, &vec![0.0; s]);
+    for _ in 0..20 {
+        let [p, q] = [(); 2].map(|_| random_state(s, 0.05, &mut r));
+        let sum: Vec<f64> = p.iter().zip(&q).map(|(a, b)| a + b).collect();
+        let (wp, wq, both) = (at(&mut ssm, &p), at(&mut ssm, &q), at(&mut ssm, &sum));
+        for i in 0..RES.len() {
+            for c in 0..2 {
+                let expected = wp[i][c] + wq[i][c] - base[i][c];
+                assert!((both[i][c] - expected).abs() < 1e-9, "{}", S::NAME);
+            }
+        }
+        ssm.set_state(&p).unwrap();
+        ssm.update(Increment::Additive, &q).unwrap();
+        assert!(ssm.state().iter().zip(&sum).all(|(a, b)| (a - b).abs() < 1e-15));
+        for how in [Increment::Compositional, Increment::InverseCompositional] {
+            assert!(ssm.update(how, &q).is_err());
+        }
+        let mut step = vec![0.0; s];
+        ssm.relative_into(&p, &sum, &mut step).unwrap();
+        assert!(step.iter().zip(&q).all(|(a, b)| (a - b).abs() < 1e-15));
+        // Corners of its own leave the bend alone.
+        let corners = ssm.corners();
+        assert!(ssm.fit_corners(&corners).unwrap() < 1e-9);
+        assert!(ssm.state().iter().zip(&sum).all(|(a, b)| (a - b).abs() < 1e-10));
+        assert_eq!(ssm.corners_at(&p), {
+            ssm.set_state(&p).unwrap();
+            ssm.corners()
+        });
+    }
+}
+
+/// The names the batteries cover; the table may hold no others.
+const COVERED: [(&str, fn()); 15] = [
     (Translation::NAME, battery::<mtf_eval::ssm::TranslationModel>),
     (Isometry::NAME, battery::<mtf_eval::ssm::IsometryModel>),
+    (Ist::NAME, battery::<mtf_eval::ssm::IstModel>),
+    (Ast::NAME, battery::<mtf_eval::ssm::AstModel>),
     (Similitude::NAME, battery::<mtf_eval::ssm::SimilitudeModel>),
+    (Asrt::NAME, battery::<mtf_eval::ssm::AsrtModel>),
     (Affine::NAME, battery::<mtf_eval::ssm::AffineModel>),
     (Homography::NAME, battery::<mtf_eval::ssm::HomographyModel>),
+    (Cbh::NAME, battery::<mtf_eval::ssm::CbhModel>),
+    (
+        LieIsometry::NAME,
+        battery::<mtf_eval::ssm::LieModel<mtf_eval::ssm::LieIsometryBasis>>,
+    ),
+    (
+        LieAffine::NAME,
+        battery::<mtf_eval::ssm::LieModel<mtf_eval::ssm::LieAffineBasis>>,
+    ),
+    (
+        LieHomography::NAME,
+        battery::<mtf_eval::ssm::LieModel<mtf_eval::ssm::LieHomographyBasis>>,
+    ),
+    (
+        Sl3::NAME,
+        battery::<mtf_eval::ssm::LieModel<mtf_eval::ssm::Sl3Basis>>,
+    ),
+    (Spline::NAME, linear_battery::<Spline>),
+    (Tps::NAME, linear_battery::<Tps>),
 ];
 
 #[test]
@@ -241,4 +346,61 @@ fn rebasing_keeps_the_grid_on_the_object() {
             );
         }
     }
+}
+
+fn entry(name: &str) -> &'static SsmEntry {
+    SSMS.iter().find(|e| e.name == name).unwrap()
+}
+
+#[test]
+fn names_of_old_are_aliases() {
+    for (name, alias) in [
+        ("translation", "2"),
+        ("isometry", "3"),
+        ("ist", "3s"),
+        ("ast", "4s"),
+        ("similitude", "4"),
+        ("asrt", "5"),
+        ("affine", "6"),
+        ("lieaffine", "l6"),
+        ("homography", "8"),
+        ("liehomography", "l8"),
+        ("cbh", "c8"),
+        ("spline", "spl"),
+    ] {
+        assert!(entry(name).aliases.contains(&alias), "{name}");
+    }
+}
+
+#[test]
+fn truth_of_few_parameters() {
+    let mut r = common::rng(11);
+    let moved = homography::apply_corners(&common::perturbation(&quad(), 9.0, &mut r), &quad());
+    // The error of the best fit grows as parameters are taken away.
+    let error = |name: &str| {
+        let fitted = fit_truth(entry(name), &quad(), &moved).unwrap();
+        common::alignment_error(&fitted, &moved)
+    };
+    for chain in [
+        &["homography", "affine", "similitude", "isometry", "translation"][..],
+        &["cbh", "lieaffine", "asrt", "ast", "ist", "translation"],
+        &["sl3", "affine", "similitude", "ist"],
+        &["liehomography", "asrt", "similitude", "lieisometry"],
+    ] {
+        for pair in chain.windows(2) {
+            assert!(error(pair[0]) <= error(pair[1]) + 1e-9, "{pair:?}");
+        }
+    }
+    for name in ["homography", "cbh", "sl3", "liehomography"] {
+        assert!(error(name) < 1e-9, "{name}");
+    }
+    let c = quad().centroid();
+    let shifted = fit_truth(entry("translation"), &quad(), &moved)
+        .unwrap()
+        .centroid();
+    let wanted = moved.centroid();
+    assert!((shifted[0] - wanted[0]).abs() + (shifted[1] - wanted[1]).abs() < 1e-9 && shifted != c);
+    let line = Corners([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [3.0, 3.0]]);
+    assert!(fit_truth(entry("affine"), &line, &moved).is_err());
+    assert!(fit_truth(entry("homography"), &quad(), &line).is_err());
 }

@@ -122,6 +122,7 @@ fn a_directory_in_use_is_left_alone() {
         .success();
 }
 
+#[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_loses_nothing() {
     if !Path::new("/dev/full").exists() {
@@ -142,17 +143,16 @@ fn a_full_disk_loses_nothing() {
         .args(["--out", "out", "--seq", "seq0"])
         .assert()
         .success();
-    // The journal cannot grow: every write to it says that the disk is full.
+    // Where the first log of the second sequence is about to be written, the disk is full.
+    let temporary = dir.join("out/frames/esm-ssd-homography/data/seq1.csv.tmp");
+    std::os::unix::fs::symlink("/dev/full", &temporary).unwrap();
     let journal = dir.join("out/journal.jsonl");
     let kept = fs::read(&journal).unwrap();
-    fs::remove_file(&journal).unwrap();
-    std::os::unix::fs::symlink("/dev/full", &journal).unwrap();
     let assert = program(dir).args(run).args(["--out", "out"]).assert().code(75);
     let said = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
     assert_eq!(said.matches("error").count(), 1, "{said}");
     assert!(said.contains("no space left"), "{said}");
-    fs::remove_file(&journal).unwrap();
-    fs::write(&journal, kept).unwrap();
+    assert!(fs::read(&journal).unwrap().starts_with(&kept));
     program(dir).args(run).args(["--out", "out"]).assert().success();
     assert_eq!(
         reproducible(&dir.join("reference")),

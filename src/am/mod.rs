@@ -21,8 +21,15 @@
 //! from the same methods, so that no search method knows the difference.
 
 mod bank;
+mod ccre;
 mod dfm;
+mod divergence;
+mod information;
+mod kld;
+mod lkld;
+mod mi;
 mod ncc;
+mod ngf;
 mod nssd;
 mod pca;
 mod riu;
@@ -36,8 +43,15 @@ mod tone;
 mod zncc;
 
 pub use bank::OrientedBank;
+pub use ccre::{Ccre, CcreParams, CrossCumulative};
 pub use dfm::{Dfm, DfmParams, PatchFeatures};
+pub use divergence::{Divergence, DivergenceKind, DivergenceSettings};
+pub use information::{Information, InformationSettings, Kind as InformationKind};
+pub use kld::{Kld, KldParams, Whole};
+pub use lkld::{Lkld, LkldParams, Localised};
+pub use mi::{Mi, MiParams, Mutual};
 pub use ncc::Ncc;
+pub use ngf::{Ngf, NgfParams};
 pub use nssd::Nssd;
 pub use pca::Pca;
 pub use riu::Riu;
@@ -69,6 +83,11 @@ pub const AMS: &[AmEntry] = &[
     AmEntry::of::<Lscv>(),
     AmEntry::of::<Lrscv>(),
     AmEntry::of::<Pca>(),
+    AmEntry::of::<Mi>(),
+    AmEntry::of::<Ccre>(),
+    AmEntry::of::<Kld>(),
+    AmEntry::of::<Lkld>(),
+    AmEntry::of::<Ngf>(),
     AmEntry::of::<Sum>(),
     AmEntry::of::<Dfm>(),
 ];
@@ -150,6 +169,11 @@ impl Normal {
             hessian: SymMatrix::new(s),
         }
     }
+    /// Copies `other`, which has the same size.
+    pub fn copy_from(&mut self, other: &Normal) {
+        self.gradient.copy_from_slice(&other.gradient);
+        self.hessian.copy_from(&other.hessian);
+    }
 }
 
 /// A similarity measure between a template and a current patch.
@@ -159,6 +183,18 @@ impl Normal {
 pub trait AppearanceModel: Send {
     /// What the model can do.
     fn capabilities(&self) -> Capabilities;
+
+    /// Whether `f` grows along the steps that gradient and Hessian make. False for centred gradients, which lead to perfect
+    /// alignment instead of the maximum of `f`: Levenberg-Marquardt then asks that `J (-H)⁻¹ J'` shrink.
+    fn similarity_is_merit(&self) -> bool {
+        true
+    }
+
+    /// Whether a gradient search with this model alone finds a region again. False for models that see too little of a patch
+    /// to determine all parameters of a warp; they serve sampling searches and sums of models.
+    fn tracks_alone(&self) -> bool {
+        true
+    }
 
     /// Takes the template patch (function 1 at initialisation) and makes it the current patch as well.
     /// Fails when the patch is not finite or has nothing to track.
@@ -241,6 +277,12 @@ impl<T: AppearanceModel + ?Sized> AppearanceModel for Box<T> {
     fn capabilities(&self) -> Capabilities {
         (**self).capabilities()
     }
+    fn similarity_is_merit(&self) -> bool {
+        (**self).similarity_is_merit()
+    }
+    fn tracks_alone(&self) -> bool {
+        (**self).tracks_alone()
+    }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         (**self).set_template(shape, patch)
     }
@@ -301,6 +343,9 @@ pub trait AmModel: AppearanceModel + Sized + 'static {
     const ALIASES: &'static [&'static str] = &[];
     /// One line for `list am`.
     const SUMMARY: &'static str;
+    /// Assignments under which its derivatives are those of [`reference`](AppearanceModel::reference), and nothing in it
+    /// depends on the template but the template itself. Empty where that is so by default.
+    const PLAIN: &'static [Assignment<'static>] = &[];
     /// Builds it.
     fn new(params: Self::Params) -> Self;
 }
@@ -316,6 +361,8 @@ pub struct AmEntry {
     pub summary: &'static str,
     /// Parameters.
     pub params: fn() -> Vec<ParamInfo>,
+    /// Assignments under which the derivatives are those of the reference function ([`AmModel::PLAIN`]).
+    pub plain: &'static [Assignment<'static>],
     /// Builds the model from `(name, value)` assignments.
     pub build: fn(&[Assignment<'_>]) -> Built<Box<dyn AppearanceModel>>,
     /// Canonical text of a parameter after the assignments.
@@ -330,6 +377,7 @@ impl AmEntry {
             aliases: M::ALIASES,
             summary: M::SUMMARY,
             params: <M::Params as Params>::info,
+            plain: M::PLAIN,
             build: |a| Ok(Box::new(M::new(M::Params::from_assignments(a)?))),
             canonical: |a, name| Ok(M::Params::from_assignments(a)?.get(name)),
         }

@@ -2,6 +2,8 @@
 
 use super::check::CheckArgs;
 use super::data::DataArgs;
+use super::diagnose::DiagnoseArgs;
+use super::synth::SynthArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use mtf_eval::output::Format;
 use mtf_eval::params::{ParamValue, Resolution};
@@ -87,6 +89,10 @@ pub enum Command {
     Run(Box<RunArgs>),
     /// Compare a run with a recorded baseline: exit 0 or 10
     Check(CheckArgs),
+    /// Render an image sequence with exact ground truth, from any image or a texture drawn by code
+    Synth(Box<SynthArgs>),
+    /// Compare analytic derivatives with central differences: exit 0 or 10
+    Diagnose(DiagnoseArgs),
     /// What exists: models, trackers, parameters, metrics, data
     List(ListArgs),
     /// Look into data sets and find what is wrong with them

@@ -3,9 +3,11 @@
 mod args;
 mod check;
 mod data;
+mod diagnose;
 mod list;
 mod progress;
 mod run;
+mod synth;
 
 use args::{Cli, Command, Messages, When};
 use clap::{CommandFactory, Parser};
@@ -163,6 +165,8 @@ fn dispatch(cli: Cli, console: &Console) -> Outcome {
             let again = |command: &[String]| Ok(run::run_recorded(command, progress, console)?);
             check::run(&args, &again).or_else(ended)
         }
+        Command::Synth(args) => synth::run(&args).or_else(ended),
+        Command::Diagnose(args) => diagnose::run(&args),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "mtf-eval", &mut script);

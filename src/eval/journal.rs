@@ -144,7 +144,9 @@ impl JournalWriter {
             .open(path)
             .map_err(io)?;
         let whole = whole_lines(&mut file).map_err(io)?;
-        file.set_len(whole).map_err(io)?;
+        if whole < file.metadata().map_err(io)?.len() {
+            file.set_len(whole).map_err(io)?;
+        }
         file.seek(SeekFrom::Start(whole)).map_err(io)?;
         Ok(JournalWriter {
             path: path.to_path_buf(),

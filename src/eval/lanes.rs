@@ -7,10 +7,11 @@
 //! one pool, so nesting stays bounded.
 
 use super::error::FrameError;
+use super::framelog::{Row, format_log, round_corners, score_log};
 use super::journal::{Entry, EntryStatus, Finished, UnitTime};
 use super::panics;
 use super::plan::{FrameLogs, RunRequest, Unit};
-use super::rundir::{Row, RunDir, RunError, digest, format_log, round_corners, score_log, write_atomic};
+use super::rundir::{RunDir, RunError, digest, write_atomic};
 use super::runner::Observer;
 use crate::dataset::Sequence;
 use crate::geom::Corners;

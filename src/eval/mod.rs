@@ -4,6 +4,7 @@
 pub mod aggregate;
 pub mod baseline;
 pub mod error;
+pub mod framelog;
 pub mod gate;
 pub mod journal;
 mod lanes;

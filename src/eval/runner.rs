@@ -5,10 +5,11 @@
 
 use super::aggregate::{Results, TrackerName, UnitResult, UnitStatus, aggregate_tracker};
 use super::error::FrameError;
+use super::framelog::{parse_log, score_log};
 use super::journal::{Entry, EntryStatus, Journal, JournalWriter};
 use super::lanes::{Context, lanes, run_units};
 use super::plan::{FrameLogs, PROTOCOL, RunRequest, SCHEMA_VERSION, Unit};
-use super::rundir::{RunDir, RunError, digest, host_name, parse_log, score_log};
+use super::rundir::{RunDir, RunError, digest, host_name};
 use crate::output::{self, Meta};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};

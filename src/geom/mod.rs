@@ -4,7 +4,9 @@
 //! integers, so `(0, 0)` is the centre of the top-left pixel.
 
 mod corners;
+pub mod fit;
 pub mod homography;
+pub mod lie;
 pub mod polygon;
 pub mod solve;
 

@@ -1,7 +1,7 @@
 //! Small symmetric systems.
 
 /// Symmetric matrix of order `n`, stored in full, row-major.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SymMatrix {
     n: usize,
     a: Vec<f64>,

@@ -95,6 +95,19 @@ pub trait Lanes: Copy {
     /// Each lane's `x`, `y` is whole and non-negative, and its four elements lie within `plane`.
     unsafe fn quads(plane: &[f32], stride: usize, x: Self, y: Self) -> [Self; 4];
 
+    /// Each lane as an integer; the lanes are whole numbers in `[0, 2^31)`.
+    fn to_indices(self) -> [u32; WIDTH];
+    /// Rows and columns exchanged: lane `l` of row `k` becomes lane `k` of row `l`.
+    fn transpose(rows: [Self; WIDTH]) -> [Self; WIDTH];
+    /// First four elements of `s`, twice.
+    fn load_twice(s: &[f32]) -> Self;
+    /// For lanes `[a b c d a b c d]`: `[a a a a b b b b]` and `[c c c c d d d d]`.
+    fn spread(self) -> [Self; 2];
+    /// Lanes 0, 0, 1, ..., 6.
+    fn repeat_first(self) -> Self;
+    /// Lanes 1, ..., 7, 7.
+    fn repeat_last(self) -> Self;
+
     /// First `s.len() < 8` elements of `s`, the rest zero.
     #[inline(always)]
     fn load_partial(s: &[f32]) -> Self {
@@ -223,6 +236,30 @@ impl Lanes for Portable {
         self.0.contains(&0.0)
     }
     #[inline(always)]
+    fn to_indices(self) -> [u32; WIDTH] {
+        self.0.map(|v| v as u32)
+    }
+    #[inline(always)]
+    fn transpose(rows: [Self; WIDTH]) -> [Self; WIDTH] {
+        std::array::from_fn(|k| Portable(std::array::from_fn(|l| rows[l].0[k])))
+    }
+    #[inline(always)]
+    fn load_twice(s: &[f32]) -> Self {
+        Portable(std::array::from_fn(|l| s[l % 4]))
+    }
+    #[inline(always)]
+    fn spread(self) -> [Self; 2] {
+        [0, 2].map(|k| Portable(std::array::from_fn(|l| self.0[4 * (l / 4) + k + l / 4])))
+    }
+    #[inline(always)]
+    fn repeat_first(self) -> Self {
+        Portable(std::array::from_fn(|l| self.0[l.saturating_sub(1)]))
+    }
+    #[inline(always)]
+    fn repeat_last(self) -> Self {
+        Portable(std::array::from_fn(|l| self.0[(l + 1).min(WIDTH - 1)]))
+    }
+    #[inline(always)]
     unsafe fn quads(plane: &[f32], stride: usize, x: Self, y: Self) -> [Self; 4] {
         let tap = |offset: usize| {
             Portable(std::array::from_fn(|l| {
@@ -328,6 +365,66 @@ mod x86 {
         #[inline(always)]
         fn any_zero(self) -> bool {
             unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, _mm256_setzero_ps())) != 0 }
+        }
+        #[inline(always)]
+        fn to_indices(self) -> [u32; WIDTH] {
+            let mut index = [0u32; WIDTH];
+            unsafe { _mm256_storeu_si256(index.as_mut_ptr().cast(), _mm256_cvttps_epi32(self.0)) }
+            index
+        }
+        #[inline(always)]
+        fn transpose([a, b, c, d, e, f, g, h]: [Self; WIDTH]) -> [Self; WIDTH] {
+            // Written out: closures and array maps over vectors are not reliably inlined.
+            unsafe {
+                let (ab, ab2) = (_mm256_unpacklo_ps(a.0, b.0), _mm256_unpackhi_ps(a.0, b.0));
+                let (cd, cd2) = (_mm256_unpacklo_ps(c.0, d.0), _mm256_unpackhi_ps(c.0, d.0));
+                let (ef, ef2) = (_mm256_unpacklo_ps(e.0, f.0), _mm256_unpackhi_ps(e.0, f.0));
+                let (gh, gh2) = (_mm256_unpacklo_ps(g.0, h.0), _mm256_unpackhi_ps(g.0, h.0));
+                let low0 = _mm256_shuffle_ps::<0b01_00_01_00>(ab, cd);
+                let low1 = _mm256_shuffle_ps::<0b11_10_11_10>(ab, cd);
+                let low2 = _mm256_shuffle_ps::<0b01_00_01_00>(ab2, cd2);
+                let low3 = _mm256_shuffle_ps::<0b11_10_11_10>(ab2, cd2);
+                let high0 = _mm256_shuffle_ps::<0b01_00_01_00>(ef, gh);
+                let high1 = _mm256_shuffle_ps::<0b11_10_11_10>(ef, gh);
+                let high2 = _mm256_shuffle_ps::<0b01_00_01_00>(ef2, gh2);
+                let high3 = _mm256_shuffle_ps::<0b11_10_11_10>(ef2, gh2);
+                [
+                    Avx2(_mm256_permute2f128_ps::<0x20>(low0, high0)),
+                    Avx2(_mm256_permute2f128_ps::<0x20>(low1, high1)),
+                    Avx2(_mm256_permute2f128_ps::<0x20>(low2, high2)),
+                    Avx2(_mm256_permute2f128_ps::<0x20>(low3, high3)),
+                    Avx2(_mm256_permute2f128_ps::<0x31>(low0, high0)),
+                    Avx2(_mm256_permute2f128_ps::<0x31>(low1, high1)),
+                    Avx2(_mm256_permute2f128_ps::<0x31>(low2, high2)),
+                    Avx2(_mm256_permute2f128_ps::<0x31>(low3, high3)),
+                ]
+            }
+        }
+        #[inline(always)]
+        fn load_twice(s: &[f32]) -> Self {
+            debug_assert!(s.len() >= 4);
+            Avx2(unsafe { _mm256_broadcast_ps(&*s.as_ptr().cast()) })
+        }
+        #[inline(always)]
+        fn spread(self) -> [Self; 2] {
+            unsafe {
+                let first = _mm256_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1);
+                let second = _mm256_setr_epi32(2, 2, 2, 2, 3, 3, 3, 3);
+                [
+                    Avx2(_mm256_permutevar_ps(self.0, first)),
+                    Avx2(_mm256_permutevar_ps(self.0, second)),
+                ]
+            }
+        }
+        #[inline(always)]
+        fn repeat_first(self) -> Self {
+            let order = unsafe { _mm256_setr_epi32(0, 0, 1, 2, 3, 4, 5, 6) };
+            Avx2(unsafe { _mm256_permutevar8x32_ps(self.0, order) })
+        }
+        #[inline(always)]
+        fn repeat_last(self) -> Self {
+            let order = unsafe { _mm256_setr_epi32(1, 2, 3, 4, 5, 6, 7, 7) };
+            Avx2(unsafe { _mm256_permutevar8x32_ps(self.0, order) })
         }
         // One 64-bit load fetches a pixel and its right neighbour; on Zen this beats gathers by half.
         #[inline(always)]

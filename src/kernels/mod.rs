@@ -3,18 +3,23 @@
 //! Every kernel stands beside a slow reference in `f64` (in its tests or as `*_reference`), and runs with identical
 //! results on any instruction set. Depends on nothing else in the crate but plain data types.
 
+mod blend;
 pub mod blur;
 mod filter;
 pub mod gray;
+pub mod hist;
 mod lanes;
 mod normal;
 mod pixelwise;
 mod reduce;
 mod sample;
 mod steepest;
+pub mod stencil;
 mod tone;
 mod warp;
+mod weighted;
 
+pub use blend::{accumulate, product, row_times, scale_shift};
 pub use filter::{Pass, filter_pass, subtract_combination};
 #[cfg(target_arch = "x86_64")]
 pub use lanes::Avx2;
@@ -25,10 +30,11 @@ pub use pixelwise::{
     absolute_distance, affine_product, ratio_variation, reciprocal, spss_curvature, spss_distance,
     spss_gradient, spss_losses, spss_self, weighted_difference,
 };
-pub use reduce::{combine, dot, rescale, squared_distance, subtract, subtract_from, sum};
+pub use reduce::{add_scaled, combine, dot, rescale, squared_distance, subtract, subtract_from, sum};
 pub use sample::{Border, Grid2, image_hessian, sample, sample_gradient, sample_reference};
 pub use steepest::{Column, Covectors, steepest, steepest_reference};
 pub use tone::{
     Window, line_shift, line_sums, linear_shift, shifted_residual, step_shift, tone_bins, tone_sums,
 };
 pub use warp::warp_projective;
+pub use weighted::weighted_gram;

@@ -15,6 +15,8 @@ dispatch! {
     pub fn rescale(x: &[f32], shift: f32, scale: f32, out: &mut [f32]) -> f64 = rescale_lanes;
     /// `out_i = a x_i + b y_i`.
     pub fn combine(a: f32, x: &[f32], b: f32, y: &[f32], out: &mut [f32]) = combine_lanes;
+    /// `out_i += a x_i`.
+    pub fn add_scaled(a: f32, x: &[f32], out: &mut [f32]) = add_scaled_lanes;
     /// `Σ (x_i - y_i)²`, or any larger number than `bound` as soon as the sum exceeds it.
     pub fn squared_distance(x: &[f32], y: &[f32], bound: f32) -> f32 = squared_distance_lanes;
 }
@@ -110,6 +112,17 @@ fn combine_lanes<V: Lanes>(a: f32, x: &[f32], b: f32, y: &[f32], out: &mut [f32]
 }
 
 #[inline(always)]
+fn add_scaled_lanes<V: Lanes>(a: f32, x: &[f32], out: &mut [f32]) {
+    let out = &mut out[..x.len()];
+    let a = V::splat(a);
+    let mut i = 0;
+    while i < x.len() {
+        V::load_at(x, i).mul_add(a, V::load_at(out, i)).store_at(out, i);
+        i += WIDTH;
+    }
+}
+
+#[inline(always)]
 fn squared_distance_lanes<V: Lanes>(x: &[f32], y: &[f32], bound: f32) -> f32 {
     let y = &y[..x.len()];
     let mut total = 0.0;
@@ -158,6 +171,11 @@ mod tests {
             combine(2.0, &x, -0.5, &y, &mut out);
             for i in 0..x.len() {
                 prop_assert!((f64::from(out[i]) - (2.0 * xd[i] - 0.5 * yd[i])).abs() < 1e-4);
+            }
+            let before = out.clone();
+            add_scaled(-0.5, &x, &mut out);
+            for i in 0..x.len() {
+                prop_assert!((out[i] - (before[i] - 0.5 * x[i])).abs() < 1e-4);
             }
         }
     }

@@ -39,10 +39,15 @@ fn write_rows(
     header: impl IntoIterator<Item = &'static str>,
     rows: impl Iterator<Item = Vec<String>>,
 ) -> io::Result<()> {
+    // The system's own error: wrapped in one of the csv crate a full disk could not be told from other failures.
+    let own = |e: csv::Error| match e.into_kind() {
+        csv::ErrorKind::Io(e) => e,
+        other => io::Error::other(format!("{other:?}")),
+    };
     let mut csv = csv::Writer::from_writer(out);
-    csv.write_record(header)?;
+    csv.write_record(header).map_err(own)?;
     for row in rows {
-        csv.write_record(row)?;
+        csv.write_record(row).map_err(own)?;
     }
     csv.flush()
 }

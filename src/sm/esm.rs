@@ -74,6 +74,7 @@ impl LkMethod for EsmMethod {
         out: &mut Normal,
     ) {
         let warped = JacobianKind::Warped;
+        kit.follow_template(&mut self.j0, &mut self.initial);
         kit.compute_jacobian(warped);
         match kit.hess {
             Hessian::InitialSelf => {

@@ -59,7 +59,7 @@ crate::params! {
         hess: Hessian = Hessian::Auto;
         /// Second-order terms in std Hessians.
         second_order: bool = false;
-        /// Levenberg-Marquardt damping, steps accepted by the similarity.
+        /// Levenberg-Marquardt damping, steps accepted by the similarity (centred models: by the size of the gradient).
         leven_marq: bool = false;
         /// Levenberg-Marquardt: initial damping.
         lm_init: f64 = 0.01, in 1e-10..=1e10;
@@ -111,6 +111,15 @@ impl<A: AppearanceModel, S: StateSpaceModel> Kit<'_, A, S> {
             let g = Self::gradients(&self.template.gx, &self.template.gy, c, n);
             self.ssm
                 .jacobian_into(kind, g, Points { x: &b.x, y: &b.y }, c * n, j);
+        }
+    }
+
+    /// Recomputes the template's Jacobian and self Hessian at the present state, for warps that are no group: theirs
+    /// change with it.
+    pub fn follow_template(&mut self, j0: &mut Jacobian, initial: &mut SymMatrix) {
+        if !self.ssm.capabilities().group {
+            self.template_jacobian(JacobianKind::Template, j0);
+            self.am.self_hessian_into(Side::Template, j0, initial);
         }
     }
 
@@ -251,6 +260,8 @@ pub struct Lk<M, A, S> {
     ssm: S,
     template: Template,
     normal: Normal,
+    /// Normal equations at the accepted state, while another is judged by its own.
+    accepted_normal: Normal,
     delta: Vec<f64>,
     accepted: Vec<f64>,
     started: bool,
@@ -283,6 +294,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
             ssm,
             template: Template::default(),
             normal: Normal::new(0),
+            accepted_normal: Normal::new(0),
             delta: Vec::new(),
             accepted: Vec::new(),
             started: false,
@@ -342,12 +354,12 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         Ok(())
     }
 
-    /// Solves for the step with damping `lambda` and applies it; true when it moved the corners less than epsilon.
-    fn step(&mut self, image: &Image, lambda: f64, work: &mut [f64]) -> Result<bool, TrackError> {
+    /// Solves for the step with damping `lambda` and applies it `gain` times; true when it moved the corners less than epsilon.
+    fn step(&mut self, image: &Image, lambda: f64, gain: f64, work: &mut [f64]) -> Result<bool, TrackError> {
         if self.normal.gradient.iter().any(|g| !g.is_finite()) {
             return Err(TrackError::NotFinite("gradient"));
         }
-        // `Δ = -H⁻¹ Jᵀ`.
+        // `Δ = -gain H⁻¹ Jᵀ`.
         if !solve_negative(
             &self.normal.hessian,
             lambda,
@@ -357,7 +369,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         ) {
             return Err(TrackError::Singular);
         }
-        self.delta.iter_mut().for_each(|d| *d = -*d);
+        self.delta.iter_mut().for_each(|d| *d *= -gain);
         let before = self.ssm.corners();
         let state = self
             .ssm
@@ -367,12 +379,37 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
             self.ssm.set_state(&self.accepted)?;
             return Err(e);
         }
-        Ok(self.ssm.corners().distance_squared(&before) < self.params.epsilon)
+        Ok(self.ssm.motion_squared(&before, &self.accepted) < self.params.epsilon)
+    }
+
+    /// Gradient and Hessian at the sampled state, with the warp's own regularisation.
+    fn linearise(&mut self, image: &Image, ws: &mut Workspace) {
+        let (method, mut kit, normal) = self.kit(image, ws);
+        method.linearise(&mut kit, normal);
+        self.ssm
+            .regularise(&mut self.normal.gradient, &mut self.normal.hessian);
+    }
+
+    /// What Levenberg-Marquardt wants to grow at the sampled state: `f`, or `-J (-H)⁻¹ J'` for models whose steps do not
+    /// climb `f`. The latter linearises.
+    fn merit(&mut self, image: &Image, ws: &mut Workspace) -> f64 {
+        if self.am.similarity_is_merit() {
+            return self.am.similarity();
+        }
+        self.linearise(image, ws);
+        let Normal { gradient, hessian } = &self.normal;
+        if solve_negative(hessian, 0.0, gradient, &mut self.delta, &mut ws.work) {
+            dot(gradient, &self.delta)
+        } else {
+            f64::NEG_INFINITY
+        }
     }
 
     fn search(&mut self, image: &Image, ws: &mut Workspace) -> Result<(Stop, u32), TrackError> {
         let gradient = M::reads_gradient(self.hess()) || self.params.second_order;
         let lm = self.params.leven_marq;
+        let climbs = self.am.similarity_is_merit();
+        let mut relaxation = Relaxation::default();
         let mut lambda = if lm { self.params.lm_init } else { 0.0 };
         let mut best = f64::NEG_INFINITY;
         let mut stop = Stop::MaxIterations;
@@ -380,7 +417,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         while iterations < self.params.max_iters {
             iterations += 1;
             self.sample(image, ws, gradient)?;
-            let f = self.am.similarity();
+            let f = if lm { self.merit(image, ws) } else { best };
             if lm && iterations > 1 && (f.is_nan() || f < best) {
                 // Back to the accepted point; its normal equations still stand, only the damping grows.
                 lambda = (lambda * self.params.lm_factor).min(*LAMBDA.end());
@@ -388,24 +425,35 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
                 let restored = self.ssm.set_state(&accepted);
                 self.accepted = accepted;
                 restored?;
+                if !climbs {
+                    self.normal.copy_from(&self.accepted_normal);
+                }
             } else {
                 if lm && iterations > 1 {
                     lambda = (lambda / self.params.lm_factor).max(*LAMBDA.start());
                 }
                 best = f;
                 self.accepted.copy_from_slice(self.ssm.state());
-                let (method, mut kit, normal) = self.kit(image, ws);
-                method.linearise(&mut kit, normal);
+                if climbs || !lm {
+                    self.linearise(image, ws);
+                } else {
+                    self.accepted_normal.copy_from(&self.normal);
+                }
             }
-            if self.step(image, lambda, &mut ws.work)? {
+            if !climbs && !lm && iterations > 1 {
+                relaxation.adapt(dot(&self.normal.gradient, &self.delta));
+            }
+            let converged = self.step(image, lambda, relaxation.gain, &mut ws.work)?;
+            relaxation.promise = dot(&self.normal.gradient, &self.delta);
+            if converged {
                 stop = Stop::Converged;
                 break;
             }
         }
         if lm {
             // The last step has not been judged yet.
-            self.sample(image, ws, false)?;
-            let f = self.am.similarity();
+            self.sample(image, ws, gradient && !climbs)?;
+            let f = self.merit(image, ws);
             if f.is_nan() || f < best {
                 self.ssm.set_state(&self.accepted)?;
             }
@@ -433,6 +481,47 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         self.sampling.sample(image, b, gradient)?;
         self.am.set_current(&b.values);
         Ok(())
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Length of steps for models without a merit function, whose Hessian is that of perfect alignment: far from it, and under
+/// blur, the gradient changes less along a step than the Hessian says, sometimes more.
+///
+/// A step of `gain` times Newton's that leaves the share `s` of the slope along itself has met `(1 - s)/gain` of the curvature
+/// expected; the next step is as many times longer as that is too small (Aitken's relaxation), within bounds.
+struct Relaxation {
+    gain: f64,
+    /// Slope along the last step at its start.
+    promise: f64,
+}
+
+impl Default for Relaxation {
+    fn default() -> Self {
+        Relaxation {
+            gain: 1.0,
+            promise: 0.0,
+        }
+    }
+}
+
+impl Relaxation {
+    const GAIN: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+
+    /// Takes the slope that is left along the last step.
+    fn adapt(&mut self, slope: f64) {
+        let met = 1.0 - slope / self.promise;
+        let (low, high) = (*Self::GAIN.start(), *Self::GAIN.end());
+        self.gain = if met.is_nan() {
+            1.0
+        } else if met * high <= self.gain {
+            high
+        } else {
+            (self.gain / met).max(low)
+        };
     }
 }
 
@@ -479,6 +568,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         self.refuse_huge(image)?;
         let s = self.ssm.dof();
         self.normal = Normal::new(s);
+        self.accepted_normal = Normal::new(s);
         self.delta = vec![0.0; s];
         self.accepted = self.ssm.state().to_vec();
         let mut ws = self.workspace();
@@ -511,6 +601,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         let image = frame.with_channels(self.channels());
         let mut ws = self.workspace();
         self.accepted.copy_from_slice(self.ssm.state());
+        self.ssm.begin_frame();
         self.am.begin_frame();
         match self.search(image, &mut ws) {
             Ok((stop, iterations)) => {
@@ -597,6 +688,13 @@ pub(super) const fn entry<M: LkMethod>() -> SmEntry {
         summary: M::SUMMARY,
         params: AllParams::<M>::info,
         refuses: |am| (!am.derivatives).then_some("has no derivatives"),
+        refuses_ssm: |ssm| match M::INCREMENT {
+            Increment::Compositional if !ssm.compositional => Some("does not compose"),
+            Increment::InverseCompositional if !(ssm.compositional && ssm.invertible) => {
+                Some("does not compose and has no inverses")
+            }
+            _ => None,
+        },
         build: |a, am, ssm| {
             let ((sampling, params), extra) = parse::<M>(a)?;
             Ok(Box::new(Lk::<M, _, _>::with_params(

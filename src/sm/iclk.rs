@@ -40,6 +40,7 @@ impl LkMethod for IclkMethod {
         kit: &mut Kit<'_, A, S>,
         out: &mut Normal,
     ) {
+        kit.follow_template(&mut self.j0, &mut self.initial);
         match kit.hess {
             Hessian::Std => kit.linearise_with(Side::Template, JacobianKind::Template, &self.j0, out),
             Hessian::CurrentSelf => {

@@ -34,7 +34,7 @@ pub type Esm<A, S> = Lk<EsmMethod, A, S>;
 
 use crate::am::{AppearanceModel, Capabilities};
 use crate::params::{Assignment, Built, ParamInfo};
-use crate::ssm::StateSpaceModel;
+use crate::ssm::{SsmCapabilities, StateSpaceModel};
 use crate::tracker::Tracker;
 
 /// Every search method of the crate, in the order of the documentation.
@@ -61,6 +61,8 @@ pub struct SmEntry {
     pub params: fn() -> Vec<ParamInfo>,
     /// Why it cannot work with an appearance model, if it cannot.
     pub refuses: fn(&Capabilities) -> Option<&'static str>,
+    /// What it needs that a state space model lacks, if it lacks anything.
+    pub refuses_ssm: fn(&SsmCapabilities) -> Option<&'static str>,
     /// Builds the tracker from `(name, value)` assignments and its models.
     pub build:
         fn(&[Assignment<'_>], Box<dyn AppearanceModel>, Box<dyn StateSpaceModel>) -> Built<Box<dyn Tracker>>,

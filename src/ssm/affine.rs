@@ -1,9 +1,9 @@
 //! Affine: `p = (tx, ty, a, b, c, d)`, `M = [1+a b tx; c 1+d ty; 0 0 1]`.
 
-use super::projective::{Centred, ProjectiveModel};
+use super::projective::ProjectiveModel;
 use crate::geom::Mat3;
+use crate::geom::fit::Moments;
 use crate::params::NoParams;
-use nalgebra::{Matrix2, Vector2};
 
 /// Algebra of [`super::Affine`].
 #[derive(Clone, Debug, Default)]
@@ -37,21 +37,7 @@ impl ProjectiveModel for AffineModel {
         d[ENTRY[k]] = 1.0;
         d
     }
-    fn fit(&self, from: &[[f64; 2]], to: &[[f64; 2]], p: &mut [f64]) -> Option<()> {
-        let centred = Centred::new(from, to)?;
-        let (mut xx, mut ux) = (Matrix2::zeros(), Matrix2::zeros());
-        for &(x, u) in &centred.pairs {
-            let (x, u) = (Vector2::from(x), Vector2::from(u));
-            xx += x * x.transpose();
-            ux += u * x.transpose();
-        }
-        // Collinear points leave one direction open.
-        if xx.determinant() <= 1e-12 * xx.trace().powi(2) {
-            return None;
-        }
-        let a = ux * xx.try_inverse()?;
-        let [tx, ty] = centred.translation(&a);
-        p.copy_from_slice(&[tx, ty, a[(0, 0)] - 1.0, a[(0, 1)], a[(1, 0)], a[(1, 1)] - 1.0]);
-        Some(())
+    fn fit_matrix(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
+        Moments::new(from, to)?.affine()
     }
 }

@@ -37,7 +37,13 @@ impl ProjectiveModel for HomographyModel {
         d[(k / 3, k % 3)] = 1.0;
         d
     }
-    fn fit(&self, from: &[[f64; 2]], to: &[[f64; 2]], p: &mut [f64]) -> Option<()> {
-        self.state(&homography::from_points(from, to)?, p)
+    fn fit_matrix(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
+        homography::from_points(from, to)
+    }
+    fn minimal(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
+        homography::from_four(from, to)
+    }
+    fn refine(&self, m: &Mat3, from: &[[f64; 2]], to: &[[f64; 2]], iterations: usize) -> Option<Mat3> {
+        homography::refine(m, from, to, iterations)
     }
 }

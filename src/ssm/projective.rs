@@ -2,9 +2,13 @@
 //!
 //! A model gives its matrix `M(p)`, the way back, and the derivatives of `M`; the rest follows.
 
-use super::{Gradient, ImageHessian, Increment, JacobianKind, Points, SsmModel, StateSpaceModel};
+use super::frame::BaseFrame;
+use super::{
+    Gradient, ImageHessian, Increment, JacobianKind, Points, SsmCapabilities, SsmModel, StateSpaceModel,
+};
+use crate::estimate::{Estimator, PointModel};
 use crate::geom::solve::SymMatrix;
-use crate::geom::{Corners, Mat3, homography};
+use crate::geom::{Corners, Mat3, homography, lie};
 use crate::kernels::{self, Column, Covectors, Jacobian};
 use crate::params::{Params, Resolution};
 use crate::tracker::TrackError;
@@ -12,6 +16,11 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 
 /// Largest number of parameters of a projective model.
 pub const MAX_DOF: usize = 8;
+
+/// Most steps of the Karcher mean, and the squared norm of one that ends it.
+const MEAN_ITERATIONS: usize = 10;
+const MEAN_EPSILON: f64 = 1e-16;
+const NO_FIT: TrackError = TrackError::BadRegion("points do not determine a state");
 
 /// The algebra of a projective warp: `w(x; p) = M(p) (x, y, 1)` divided by its third component. `M(0)` is the identity.
 pub trait ProjectiveModel: Clone + Default + Send + 'static {
@@ -27,15 +36,27 @@ pub trait ProjectiveModel: Clone + Default + Send + 'static {
     const DOF: usize;
     /// Point pairs that determine a state.
     const MIN_POINTS: usize;
+    /// Whether products of the family's matrices stay in it. If not, [`state`](Self::state) projects them.
+    const GROUP: bool = true;
 
     /// Builds it.
     fn new(params: Self::Params) -> Self;
+    /// Takes the corners of the base frame, for models whose parameters refer to them.
+    fn set_base(&mut self, _corners: &Corners) {}
     /// `M(p)`.
     fn matrix(&self, p: &[f64]) -> Mat3;
     /// State of a matrix of the model's family; `None` when it has none.
     fn state(&self, m: &Mat3, p: &mut [f64]) -> Option<()>;
+    /// Replaces a state by another of the same warp, where that is a better one to differentiate at.
+    fn canonical(&self, _p: &mut [f64]) {}
     /// `dM/dp_k`.
     fn derivative(&self, p: &[f64], k: usize) -> Mat3;
+    /// All S derivatives of `M`, for models that share work between them.
+    fn derivatives(&self, p: &[f64], out: &mut [Mat3; MAX_DOF]) {
+        for (k, out) in out.iter_mut().enumerate().take(Self::DOF) {
+            *out = self.derivative(p, k);
+        }
+    }
     /// `d²M/dp_k dp_l`, `None` for zero.
     fn second_derivative(&self, _p: &[f64], _k: usize, _l: usize) -> Option<Mat3> {
         None
@@ -44,53 +65,37 @@ pub trait ProjectiveModel: Clone + Default + Send + 'static {
     fn inverse(&self, p: &[f64]) -> Option<Mat3> {
         self.matrix(p).try_inverse()
     }
+    /// Least-squares matrix of the family for point pairs; `None` when they do not determine one.
+    fn fit_matrix(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3>;
+    /// The same for exactly [`MIN_POINTS`](Self::MIN_POINTS) pairs, where there is a faster way.
+    fn minimal(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
+        self.fit_matrix(from, to)
+    }
+    /// Matrix of least reprojection error, starting from `m`. The default is right where `fit_matrix` is already that.
+    fn refine(&self, _m: &Mat3, from: &[[f64; 2]], to: &[[f64; 2]], _iterations: usize) -> Option<Mat3> {
+        self.fit_matrix(from, to)
+    }
     /// Least-squares state of point pairs in the base frame; `None` when they do not determine one.
-    fn fit(&self, from: &[[f64; 2]], to: &[[f64; 2]], p: &mut [f64]) -> Option<()>;
+    fn fit(&self, from: &[[f64; 2]], to: &[[f64; 2]], p: &mut [f64]) -> Option<()> {
+        self.state(&self.fit_matrix(from, to)?, p)
+    }
 }
 
-/// Means of two point sets, and the points relative to them.
-pub(super) struct Centred {
-    pub mean_from: [f64; 2],
-    pub mean_to: [f64; 2],
-    pub pairs: Vec<([f64; 2], [f64; 2])>,
-}
+/// Sampling consensus over the matrices of a model.
+struct Fitter<'a, W>(&'a W);
 
-impl Centred {
-    pub fn new(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Self> {
-        if from.is_empty() || from.len() != to.len() {
-            return None;
-        }
-        let mean = |s: &[[f64; 2]]| {
-            let n = s.len() as f64;
-            s.iter().fold([0.0; 2], |m, p| [m[0] + p[0] / n, m[1] + p[1] / n])
-        };
-        let (mean_from, mean_to) = (mean(from), mean(to));
-        let minus = |p: &[f64; 2], m: [f64; 2]| [p[0] - m[0], p[1] - m[1]];
-        let pairs = from
-            .iter()
-            .zip(to)
-            .map(|(a, b)| (minus(a, mean_from), minus(b, mean_to)))
-            .collect();
-        Some(Centred {
-            mean_from,
-            mean_to,
-            pairs,
-        })
+impl<W: ProjectiveModel> PointModel for Fitter<'_, W> {
+    fn min_points(&self) -> usize {
+        W::MIN_POINTS
     }
-    /// Translation that, after the linear part `a`, takes one mean to the other.
-    pub fn translation(&self, a: &Matrix2<f64>) -> [f64; 2] {
-        let m = a * Vector2::from(self.mean_from);
-        [self.mean_to[0] - m[0], self.mean_to[1] - m[1]]
+    fn minimal(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
+        self.0.minimal(from, to)
     }
-    /// `(1 + a, b)` of the least-squares similarity `[1+a -b; b 1+a]` between the centred points.
-    pub fn similarity(&self) -> Option<(f64, f64)> {
-        let (mut xx, mut dot, mut cross) = (0.0, 0.0, 0.0);
-        for ([x, y], [u, v]) in &self.pairs {
-            xx += x * x + y * y;
-            dot += x * u + y * v;
-            cross += x * v - y * u;
-        }
-        (xx > 0.0).then(|| (dot / xx, cross / xx))
+    fn fit(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
+        self.0.fit_matrix(from, to)
+    }
+    fn refine(&self, m: &Mat3, from: &[[f64; 2]], to: &[[f64; 2]], iterations: usize) -> Option<Mat3> {
+        self.0.refine(m, from, to, iterations)
     }
 }
 
@@ -98,14 +103,7 @@ impl Centred {
 #[derive(Clone, Debug, Default)]
 pub struct Projective<W> {
     model: W,
-    centre: [f64; 2],
-    radius: f64,
-    /// Corners in the base frame.
-    base: Corners,
-    res: Option<Resolution>,
-    /// Grid in the base frame.
-    x: Vec<f32>,
-    y: Vec<f32>,
+    frame: BaseFrame,
     p: [f64; MAX_DOF],
     matrix: Mat3,
     identity_columns: [Column; MAX_DOF],
@@ -135,17 +133,13 @@ impl<W: ProjectiveModel> Projective<W> {
         &self.matrix
     }
 
-    fn to_frame(&self, c: &Corners) -> Corners {
-        Corners(c.0.map(|[x, y]| {
-            [
-                (x - self.centre[0]) / self.radius,
-                (y - self.centre[1]) / self.radius,
-            ]
-        }))
-    }
-
-    fn to_image(&self, c: &Corners) -> Corners {
-        Corners(c.0.map(|[x, y]| [self.centre[0] + self.radius * x, self.centre[1] + self.radius * y]))
+    /// The identity in the present frame.
+    fn start(&mut self) {
+        self.model.set_base(&self.frame.corners);
+        self.p = [0.0; MAX_DOF];
+        let at_zero = Derivatives::new(&self.model, &self.p[..W::DOF]);
+        self.matrix = at_zero.m;
+        self.identity_columns = Self::columns(&at_zero.first);
     }
 
     /// Takes the matrix of a new state if its region is sound.
@@ -156,19 +150,11 @@ impl<W: ProjectiveModel> Projective<W> {
         let m = self.model.matrix(&p[..W::DOF]);
         // D is linear over the base quadrilateral, so its smallest value is at a corner.
         let in_front = |c: &[f64; 2]| m[(2, 0)] * c[0] + m[(2, 1)] * c[1] + m[(2, 2)] > 1e-6;
-        if !self.base.0.iter().all(in_front) {
+        if !self.frame.corners.0.iter().all(in_front) {
             return Err(TrackError::Degenerate("part of the region is behind the camera"));
         }
-        let corners = homography::apply_corners(&m, &self.base);
-        if !corners.is_finite() {
-            return Err(TrackError::NotFinite("corners"));
-        }
-        if !corners.is_convex() || corners.signed_area() * self.base.signed_area() <= 0.0 {
-            return Err(TrackError::Degenerate("region is not convex"));
-        }
-        if corners.signed_area().abs() * self.radius * self.radius < 1.0 {
-            return Err(TrackError::Degenerate("region is smaller than one pixel"));
-        }
+        self.frame
+            .check(&homography::apply_corners(&m, &self.frame.corners))?;
         self.p = p;
         self.matrix = m;
         Ok(())
@@ -176,40 +162,73 @@ impl<W: ProjectiveModel> Projective<W> {
 
     /// 2 x S Jacobian `dw/dp` at base point `x0` for the state `p`, in the base frame.
     pub fn warp_jacobian(&self, p: &[f64], x0: [f64; 2]) -> [[f64; MAX_DOF]; 2] {
-        let m = self.model.matrix(p);
-        let mut out = [[0.0; MAX_DOF]; 2];
-        for k in 0..W::DOF {
-            let dm = self.model.derivative(p, k);
-            out[0][k] = kernels::steepest_reference(x0, [1.0, 0.0], &m, &dm);
-            out[1][k] = kernels::steepest_reference(x0, [0.0, 1.0], &m, &dm);
-        }
-        out
+        Derivatives::new(&self.model, p).jacobian(x0)
     }
 
     /// Second derivatives `d²w_c/dp_k dp_l` of both components at base point `x0` for the state `p`.
     pub fn warp_hessian(&self, p: &[f64], x0: [f64; 2], k: usize, l: usize) -> [f64; 2] {
+        let second = self.model.second_derivative(p, k, l);
+        Derivatives::new(&self.model, p).hessian(x0, k, l, second.as_ref())
+    }
+
+    fn columns(derivatives: &[Mat3; MAX_DOF]) -> [Column; MAX_DOF] {
+        std::array::from_fn(|k| {
+            if k < W::DOF {
+                Column::new(row_major(&derivatives[k]))
+            } else {
+                Column::default()
+            }
+        })
+    }
+
+    /// `dM/dΔ_k` of the projected product `M(p) M(Δ)` at `Δ = 0`, for a family that is no group.
+    fn projected_products(&self) -> [Mat3; MAX_DOF] {
+        let at_zero = Derivatives::new(&self.model, &[0.0; MAX_DOF][..W::DOF]);
+        let here = Derivatives::new(&self.model, self.state());
+        let (mut origin, mut moved) = ([0.0; MAX_DOF], [0.0; MAX_DOF]);
+        // The projection is affine in the matrix, so differences of it are exact.
+        let _ = self.model.state(&self.matrix, &mut origin[..W::DOF]);
+        std::array::from_fn(|k| {
+            let product = self.matrix + self.matrix * at_zero.first[k];
+            let _ = self.model.state(&product, &mut moved[..W::DOF]);
+            (0..W::DOF).fold(Mat3::zeros(), |m, l| m + here.first[l] * (moved[l] - origin[l]))
+        })
+    }
+}
+
+/// `M(p)` and its derivatives.
+struct Derivatives {
+    m: Mat3,
+    first: [Mat3; MAX_DOF],
+}
+
+impl Derivatives {
+    fn new<W: ProjectiveModel>(model: &W, p: &[f64]) -> Self {
+        let mut first = [Mat3::zeros(); MAX_DOF];
+        model.derivatives(p, &mut first);
+        Derivatives {
+            m: model.matrix(p),
+            first,
+        }
+    }
+
+    fn jacobian(&self, x0: [f64; 2]) -> [[f64; MAX_DOF]; 2] {
+        [[1.0, 0.0], [0.0, 1.0]].map(|g| {
+            self.first
+                .map(|dm| kernels::steepest_reference(x0, g, &self.m, &dm))
+        })
+    }
+
+    fn hessian(&self, x0: [f64; 2], k: usize, l: usize, second: Option<&Mat3>) -> [f64; 2] {
         let x = Vector3::new(x0[0], x0[1], 1.0);
-        let h = self.model.matrix(p) * x;
-        let (hk, hl) = (self.model.derivative(p, k) * x, self.model.derivative(p, l) * x);
-        let hkl = self
-            .model
-            .second_derivative(p, k, l)
-            .map_or(Vector3::zeros(), |m| m * x);
+        let h = self.m * x;
+        let (hk, hl) = (self.first[k] * x, self.first[l] * x);
+        let hkl = second.map_or(Vector3::zeros(), |m| m * x);
         let d = h[2];
         std::array::from_fn(|c| {
             let w = h[c] / d;
             let (wk, wl) = ((hk[c] - w * hk[2]) / d, (hl[c] - w * hl[2]) / d);
             (hkl[c] - w * hkl[2] - wk * hl[2] - wl * hk[2]) / d
-        })
-    }
-
-    fn columns(&self, p: &[f64]) -> [Column; MAX_DOF] {
-        std::array::from_fn(|k| {
-            if k < W::DOF {
-                Column::new(row_major(&self.model.derivative(p, k)))
-            } else {
-                Column::default()
-            }
         })
     }
 }
@@ -219,48 +238,19 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
         W::DOF
     }
 
+    fn capabilities(&self) -> SsmCapabilities {
+        SsmCapabilities {
+            compositional: true,
+            invertible: true,
+            group: W::GROUP,
+            min_points: W::MIN_POINTS,
+            estimable: true,
+        }
+    }
+
     fn init(&mut self, corners: &Corners, res: Resolution) -> Result<(), TrackError> {
-        if !corners.is_finite() {
-            return Err(TrackError::NotFinite("corners"));
-        }
-        if !corners.is_convex() {
-            return Err(TrackError::BadRegion("corners are not a convex quadrilateral"));
-        }
-        if corners.signed_area().abs() < 1.0 {
-            return Err(TrackError::BadRegion("region is smaller than one pixel"));
-        }
-        self.centre = corners.centroid();
-        let [cx, cy] = self.centre;
-        let spread: f64 = corners
-            .0
-            .iter()
-            .map(|[x, y]| (x - cx).powi(2) + (y - cy).powi(2))
-            .sum();
-        self.radius = (spread / 4.0).sqrt();
-        self.base = self.to_frame(corners);
-        let square = Corners::rect(-0.5, -0.5, 1.0, 1.0);
-        let to_base = homography::from_corners(&square, &self.base)
-            .ok_or(TrackError::BadRegion("corners are not a convex quadrilateral"))?;
-        self.x.clear();
-        self.y.clear();
-        let step = |i: usize, n: usize| {
-            if n > 1 {
-                i as f64 / (n - 1) as f64 - 0.5
-            } else {
-                0.0
-            }
-        };
-        for row in 0..res.rows {
-            for col in 0..res.cols {
-                let [x, y] = homography::apply(&to_base, [step(col, res.cols), step(row, res.rows)]);
-                self.x.push(x as f32);
-                self.y.push(y as f32);
-            }
-        }
-        self.res = Some(res);
-        self.p = [0.0; MAX_DOF];
-        self.matrix = self.model.matrix(&self.p[..W::DOF]);
-        self.identity_columns = self.columns(&[0.0; MAX_DOF][..W::DOF]);
+        self.frame.set(corners, res)?;
+        self.start();
         Ok(())
     }
 
@@ -281,6 +271,7 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
                 for (p, d) in p.iter_mut().zip(delta) {
                     *p += d;
                 }
+                self.model.canonical(&mut p[..W::DOF]);
             }
             Increment::Compositional | Increment::InverseCompositional => {
                 if delta.iter().any(|v| !v.is_finite()) {
@@ -298,52 +289,122 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
     }
 
     fn corners(&self) -> Corners {
-        self.to_image(&homography::apply_corners(&self.matrix, &self.base))
+        self.frame
+            .to_image(&homography::apply_corners(&self.matrix, &self.frame.corners))
+    }
+
+    fn corners_at(&self, p: &[f64]) -> Corners {
+        let m = self.model.matrix(p);
+        self.frame
+            .to_image(&homography::apply_corners(&m, &self.frame.corners))
+    }
+
+    fn base_corners(&self) -> Corners {
+        self.frame.to_image(&self.frame.corners)
     }
 
     fn fit_corners(&mut self, corners: &Corners) -> Result<f64, TrackError> {
-        let target = self.to_frame(corners);
+        let target = self.frame.to_frame(corners);
         let mut p = [0.0; MAX_DOF];
         self.model
-            .fit(&self.base.0, &target.0, &mut p[..W::DOF])
+            .fit(&self.frame.corners.0, &target.0, &mut p[..W::DOF])
             .ok_or(TrackError::BadRegion("corners do not determine a state"))?;
         self.accept(p)?;
         Ok((self.corners().distance_squared(corners) / 4.0).sqrt())
     }
 
-    fn rebase(&mut self, corners: &Corners) -> Result<Mat3, TrackError> {
-        let res = self.res.ok_or(TrackError::NotInitialised)?;
-        let mut fresh = Projective {
-            model: self.model.clone(),
-            ..Self::default()
+    fn fit_into(&self, from: &[[f64; 2]], to: &[[f64; 2]], p: &mut [f64]) -> Result<(), TrackError> {
+        // Closed forms centre their points, so the fit may run in pixels; the frame is a similarity away.
+        let m = self.model.fit_matrix(from, to).ok_or(NO_FIT)?;
+        self.model.state(&self.frame.matrix_to_frame(&m), p).ok_or(NO_FIT)
+    }
+
+    fn estimate(
+        &mut self,
+        estimator: &mut Estimator,
+        from: &[[f64; 2]],
+        to: &[[f64; 2]],
+    ) -> Result<(), TrackError> {
+        let m = estimator.estimate(&Fitter(&self.model), from, to)?;
+        let mut p = [0.0; MAX_DOF];
+        self.model
+            .state(&self.frame.matrix_to_frame(&m), &mut p[..W::DOF])
+            .ok_or(NO_FIT)?;
+        self.accept(p)
+    }
+
+    fn relative_into(&self, p: &[f64], q: &[f64], out: &mut [f64]) -> Result<(), TrackError> {
+        let step = self
+            .model
+            .inverse(p)
+            .map(|inverse| inverse * self.model.matrix(q));
+        step.and_then(|m| self.model.state(&m, out))
+            .ok_or(TrackError::Degenerate("increment has no inverse in the model"))
+    }
+
+    fn group_mean_into(&self, states: &[f64], weights: &[f64], out: &mut [f64]) -> Result<(), TrackError> {
+        let lost = TrackError::Degenerate("states have no mean");
+        let unit = |p: &[f64]| {
+            let m = self.model.matrix(p);
+            // Only a projective matrix has a free scale; the others have m22 = 1 and stay as they are.
+            let k = if m[(2, 0)] == 0.0 && m[(2, 1)] == 0.0 {
+                1.0
+            } else {
+                libm::cbrt(m.determinant())
+            };
+            m / k
         };
-        fresh.init(corners, res)?;
-        let carry = homography::from_corners(&fresh.base, &self.base)
-            .ok_or(TrackError::BadRegion("corners are not a convex quadrilateral"))?;
-        *self = fresh;
+        let heaviest = (0..weights.len())
+            .max_by(|&a, &b| weights[a].total_cmp(&weights[b]).then(b.cmp(&a)))
+            .ok_or(lost)?;
+        let total: f64 = weights.iter().sum();
+        let s = W::DOF;
+        let mut mean = unit(&states[heaviest * s..][..s]);
+        for _ in 0..MEAN_ITERATIONS {
+            let back = mean.try_inverse().ok_or(lost)?;
+            let mut sum = Mat3::zeros();
+            for (p, w) in states.chunks_exact(s).zip(weights) {
+                let mut step = back * unit(p);
+                if step[(2, 0)] != 0.0 || step[(2, 1)] != 0.0 {
+                    step /= libm::cbrt(step.determinant());
+                }
+                sum += lie::log(&step).ok_or(lost)? * (w / total);
+            }
+            mean *= lie::exp(&sum);
+            if sum.norm_squared() < MEAN_EPSILON {
+                break;
+            }
+        }
+        self.model.state(&mean, out).ok_or(lost)
+    }
+
+    fn rebase(&mut self, corners: &Corners) -> Result<Mat3, TrackError> {
+        let (frame, carry) = self.frame.rebased(corners)?;
+        self.frame = frame;
+        self.start();
         Ok(carry)
     }
 
     fn grid(&self) -> Points<'_> {
         Points {
-            x: &self.x,
-            y: &self.y,
+            x: &self.frame.x,
+            y: &self.frame.y,
         }
     }
 
     fn point(&self, i: usize) -> [f64; 2] {
-        let [u, v] = homography::apply(&self.matrix, [self.x[i].into(), self.y[i].into()]);
-        [self.centre[0] + self.radius * u, self.centre[1] + self.radius * v]
+        self.frame
+            .point_to_image(homography::apply(&self.matrix, self.frame.grid_point(i)))
     }
 
     fn warp_into(&self, x: &mut [f32], y: &mut [f32]) {
-        let centre = self.centre.map(|c| c as f32);
+        let centre = self.frame.centre.map(|c| c as f32);
         kernels::warp_projective(
             &to_f32(&self.matrix),
             centre,
-            self.radius as f32,
-            &self.x,
-            &self.y,
+            self.frame.radius as f32,
+            &self.frame.x,
+            &self.frame.y,
             x,
             y,
         );
@@ -360,21 +421,22 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
         let identity = Mat3::identity();
         let m = &self.matrix;
         let matrix = match kind {
-            JacobianKind::Template | JacobianKind::Additive => identity,
-            JacobianKind::Warped => *m,
+            JacobianKind::Warped if W::GROUP => *m,
             // A state is only accepted when its region has positive area, so M has an inverse.
             JacobianKind::Approximate => m.try_inverse().unwrap_or(identity),
+            JacobianKind::Template if !W::GROUP => m.try_inverse().unwrap_or(identity),
+            JacobianKind::Template | JacobianKind::Additive | JacobianKind::Warped => identity,
         };
         let (px, py, centre, scale, denominator) = if kind.of_template() {
-            (&self.x[..], &self.y[..], [0.0; 2], 1.0, None)
+            (&self.frame.x[..], &self.frame.y[..], [0.0; 2], 1.0, None)
         } else {
             let d = [m[(2, 0)] as f32, m[(2, 1)] as f32, m[(2, 2)] as f32];
             let projective = (d != [0.0, 0.0, 1.0]).then_some(d);
             (
                 points.x,
                 points.y,
-                self.centre.map(|c| c as f32),
-                self.radius as f32,
+                self.frame.centre.map(|c| c as f32),
+                self.frame.radius as f32,
                 projective,
             )
         };
@@ -389,10 +451,17 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
             denominator,
         };
         let columns = match kind {
+            JacobianKind::Template | JacobianKind::Warped if !W::GROUP => {
+                Self::columns(&self.projected_products())
+            }
             JacobianKind::Template | JacobianKind::Warped => self.identity_columns,
-            JacobianKind::Additive | JacobianKind::Approximate => self.columns(&self.p[..W::DOF]),
+            JacobianKind::Additive | JacobianKind::Approximate => {
+                let mut first = [Mat3::zeros(); MAX_DOF];
+                self.model.derivatives(self.state(), &mut first);
+                Self::columns(&first)
+            }
         };
-        kernels::steepest(&self.x, &self.y, &q, &columns[..W::DOF], row, j);
+        kernels::steepest(&self.frame.x, &self.frame.y, &q, &columns[..W::DOF], row, j);
     }
 
     fn curvature_into(
@@ -403,14 +472,35 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
         hessian: ImageHessian<'_>,
         h: &mut SymMatrix,
     ) {
-        let zero = [0.0; MAX_DOF];
+        let (zero, asked) = ([0.0; MAX_DOF], kind);
         let at = match kind {
-            JacobianKind::Template | JacobianKind::Warped => &zero[..W::DOF],
-            JacobianKind::Additive | JacobianKind::Approximate => &self.p[..W::DOF],
+            JacobianKind::Template | JacobianKind::Warped if W::GROUP => &zero[..W::DOF],
+            _ => self.state(),
         };
-        let r = if kind.of_template() { 1.0 } else { self.radius };
-        for i in 0..self.x.len() {
-            let x0 = [f64::from(self.x[i]), f64::from(self.y[i])];
+        let mut d = Derivatives::new(&self.model, at);
+        // A projected product is linear in the increment: its second derivatives are those of the additive kinds.
+        let kind = match kind {
+            JacobianKind::Template if !W::GROUP => JacobianKind::Approximate,
+            JacobianKind::Warped if !W::GROUP => JacobianKind::Additive,
+            kind => kind,
+        };
+        if let (JacobianKind::Template | JacobianKind::Warped, false) = (asked, W::GROUP) {
+            d.first = self.projected_products();
+        }
+        let second: [[Option<Mat3>; MAX_DOF]; MAX_DOF] = std::array::from_fn(|k| {
+            std::array::from_fn(|l| {
+                (k.max(l) < W::DOF)
+                    .then(|| self.model.second_derivative(at, k, l))
+                    .flatten()
+            })
+        });
+        let r = if kind.of_template() {
+            1.0
+        } else {
+            self.frame.radius
+        };
+        for i in 0..self.frame.x.len() {
+            let x0 = self.frame.grid_point(i);
             let mut g = Vector2::new(f64::from(gradient.x[i]), f64::from(gradient.y[i])) * r;
             let (xx, xy, yy) = (hessian.xx[i], hessian.xy[i], hessian.yy[i]);
             let mut q = Matrix2::new(xx, xy, xy, yy).map(f64::from) * (r * r);
@@ -427,22 +517,22 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
                     q = inverse.transpose() * (q - omega[0] * g[0] - omega[1] * g[1]) * inverse;
                 }
             }
-            let wp = self.warp_jacobian(at, x0);
+            let wp = d.jacobian(x0);
             let weight = f64::from(weights[i]);
             h.fill_from(|k, l, sum| {
                 let (a, b) = (Vector2::new(wp[0][k], wp[1][k]), Vector2::new(wp[0][l], wp[1][l]));
-                let second = self.warp_hessian(at, x0, k, l);
-                sum + weight * ((a.transpose() * q * b)[0] + g[0] * second[0] + g[1] * second[1])
+                let bend = d.hessian(x0, k, l, second[k][l].as_ref());
+                sum + weight * ((a.transpose() * q * b)[0] + g[0] * bend[0] + g[1] * bend[1])
             });
         }
     }
 
     fn radius(&self) -> f64 {
-        self.radius
+        self.frame.radius
     }
 
     fn memory(&self) -> usize {
-        8 * self.x.capacity() + size_of::<Self>()
+        self.frame.memory() + size_of::<Self>()
     }
 }
 

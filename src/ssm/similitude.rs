@@ -1,9 +1,9 @@
 //! Similitude: `p = (tx, ty, a, b)`, `M = [1+a -b tx; b 1+a ty; 0 0 1]`.
 
-use super::projective::{Centred, ProjectiveModel};
+use super::projective::ProjectiveModel;
 use crate::geom::Mat3;
+use crate::geom::fit::Moments;
 use crate::params::NoParams;
-use nalgebra::Matrix2;
 
 /// Algebra of [`super::Similitude`].
 #[derive(Clone, Debug, Default)]
@@ -28,21 +28,15 @@ impl ProjectiveModel for SimilitudeModel {
         Some(())
     }
     fn derivative(&self, _: &[f64], k: usize) -> Mat3 {
+        let mut d = Mat3::zeros();
         match k {
-            2 => Mat3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0),
-            3 => Mat3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-            _ => {
-                let mut d = Mat3::zeros();
-                d[(k, 2)] = 1.0;
-                d
-            }
+            2 => (d[(0, 0)], d[(1, 1)]) = (1.0, 1.0),
+            3 => (d[(0, 1)], d[(1, 0)]) = (-1.0, 1.0),
+            _ => d[(k, 2)] = 1.0,
         }
+        d
     }
-    fn fit(&self, from: &[[f64; 2]], to: &[[f64; 2]], p: &mut [f64]) -> Option<()> {
-        let centred = Centred::new(from, to)?;
-        let (c, b) = centred.similarity()?;
-        let [tx, ty] = centred.translation(&Matrix2::new(c, -b, b, c));
-        p.copy_from_slice(&[tx, ty, c - 1.0, b]);
-        Some(())
+    fn fit_matrix(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
+        Moments::new(from, to)?.similarity()
     }
 }

@@ -1,9 +1,9 @@
 //! Translation: `p = (tx, ty)`, `M = [1 0 tx; 0 1 ty; 0 0 1]`.
 
-use super::projective::{Centred, ProjectiveModel};
+use super::projective::ProjectiveModel;
 use crate::geom::Mat3;
+use crate::geom::fit::Moments;
 use crate::params::NoParams;
-use nalgebra::Matrix2;
 
 /// Algebra of [`super::Translation`].
 #[derive(Clone, Debug, Default)]
@@ -35,8 +35,7 @@ impl ProjectiveModel for TranslationModel {
     fn inverse(&self, p: &[f64]) -> Option<Mat3> {
         Some(self.matrix(&[-p[0], -p[1]]))
     }
-    fn fit(&self, from: &[[f64; 2]], to: &[[f64; 2]], p: &mut [f64]) -> Option<()> {
-        p.copy_from_slice(&Centred::new(from, to)?.translation(&Matrix2::identity()));
-        Some(())
+    fn fit_matrix(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
+        Moments::new(from, to)?.translation()
     }
 }

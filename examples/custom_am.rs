@@ -1,0 +1,165 @@
+//! A new appearance model, not in the crate, evaluated by the same runner against the ones that are: one type and one
+//! registry line.
+//!
+//! The model is SSD with the Geman-McClure loss: `f = -½ Σ e²/(1 + e²/c²)`, `e = I - T`, so that pixels that disagree
+//! by much more than `c` gray levels (an occluder, a highlight) hardly count.
+//!
+//! `cargo run --release --example custom_am`
+
+use mtf_eval::am::{AmModel, AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use mtf_eval::eval::{self, FrameLogs, RunRequest, TrackerEntry};
+use mtf_eval::geom::solve::SymMatrix;
+use mtf_eval::kernels::Jacobian;
+use mtf_eval::output::{TableOptions, table};
+use mtf_eval::prelude::*;
+use std::sync::{Arc, atomic::AtomicBool};
+
+mtf_eval::params! {
+    /// Parameters of [`GemanMcClure`].
+    pub struct GemanMcClureParams {
+        /// Difference at which a pixel's influence starts to fade, gray levels.
+        fade: f64 = 20.0, in 0.1..=1000.0;
+    }
+}
+
+/// SSD with a redescending loss.
+struct GemanMcClure {
+    params: GemanMcClureParams,
+    template: Vec<f32>,
+    residual: Vec<f32>,
+    f: f64,
+}
+
+impl GemanMcClure {
+    /// Weight of a residual: `f' = -w e` with `w = 1/(1 + e²/c²)²`.
+    fn weight(&self, e: f64) -> f64 {
+        (1.0 + (e / self.params.fade).powi(2)).powi(-2)
+    }
+
+    /// `-Σ_i k_i J_i' J_i`.
+    fn weighted_gram(&self, j: &Jacobian, k: impl Fn(f64) -> f64, h: &mut SymMatrix) {
+        h.fill(|a, b| {
+            let products = j
+                .col(a)
+                .iter()
+                .zip(j.col(b))
+                .map(|(&a, &b)| f64::from(a) * f64::from(b));
+            -products
+                .zip(&self.residual)
+                .map(|(p, &e)| k(e.into()) * p)
+                .sum::<f64>()
+        });
+    }
+}
+
+impl AmModel for GemanMcClure {
+    type Params = GemanMcClureParams;
+    const NAME: &'static str = "gmc";
+    const SUMMARY: &'static str = "SSD with the Geman-McClure loss";
+    fn new(params: GemanMcClureParams) -> Self {
+        GemanMcClure {
+            params,
+            template: Vec::new(),
+            residual: Vec::new(),
+            f: 0.0,
+        }
+    }
+}
+
+impl AppearanceModel for GemanMcClure {
+    fn capabilities(&self) -> Capabilities {
+        Capabilities {
+            derivatives: true,
+            symmetric: true,
+            metric: Metric::SquaredL2,
+        }
+    }
+    fn set_template(&mut self, _: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
+        self.template = patch.to_vec();
+        self.residual = vec![0.0; patch.len()];
+        self.f = 0.0;
+        Ok(())
+    }
+    fn set_current(&mut self, patch: &[f32]) {
+        let pairs = patch.iter().zip(&self.template);
+        self.residual
+            .iter_mut()
+            .zip(pairs)
+            .for_each(|(e, (i, t))| *e = i - t);
+        let loss = |e: f64| e * e / (1.0 + (e / self.params.fade).powi(2));
+        self.f = -0.5 * self.residual.iter().map(|&e| loss(e.into())).sum::<f64>();
+    }
+    fn similarity(&self) -> f64 {
+        self.f
+    }
+    fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
+        let sign = if side == Side::Current { -1.0 } else { 1.0 };
+        for (o, &e) in out.iter_mut().zip(&self.residual) {
+            *o = (sign * self.weight(e.into()) * f64::from(e)) as f32;
+        }
+    }
+    fn hessian_into(&mut self, _: Side, j: &Jacobian, h: &mut SymMatrix) {
+        let c2 = self.params.fade.powi(2);
+        self.weighted_gram(j, |e| self.weight(e) * (1.0 - 4.0 * e * e / (c2 + e * e)), h);
+    }
+    fn self_hessian_into(&mut self, _: Side, j: &Jacobian, h: &mut SymMatrix) {
+        // At equality every weight is 1; the weights of the moment keep the step of the right size under occlusion.
+        self.weighted_gram(j, |e| self.weight(e), h);
+    }
+    fn likelihood(&self) -> f64 {
+        (self.f / self.template.len() as f64).exp()
+    }
+    fn feature_len(&self) -> usize {
+        self.template.len()
+    }
+    fn feature_into(&self, patch: &[f32], out: &mut [f32]) {
+        out.copy_from_slice(patch);
+    }
+    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+        let loss = |e: f64| e * e / (1.0 + (e / self.params.fade).powi(2));
+        -0.5 * template
+            .iter()
+            .zip(current)
+            .map(|(t, i)| loss(i - t))
+            .sum::<f64>()
+    }
+    fn memory(&self) -> usize {
+        8 * self.template.len()
+    }
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let mut registry = Registry::builtin();
+    registry.add_am::<GemanMcClure>();
+    let registry = Arc::new(registry);
+    let list = |s: &str| vec![s.to_owned()];
+    let selection = Selection {
+        sm: list("fclk"),
+        am: list("ssd,ncc,gmc"),
+        ssm: list("homography"),
+        ..Selection::default()
+    };
+    let specs = registry.expand(&selection)?.specs;
+    let trackers = specs
+        .iter()
+        .map(|spec| TrackerEntry::from_registry(&registry, spec));
+    let out = std::env::temp_dir().join("mtf-eval-custom-am");
+    let request = RunRequest {
+        trackers: trackers.collect::<Result<_, _>>()?,
+        sequences: dataset::builtin()?.sequences,
+        pre: parse_preprocessor("gaussian:5:3")?,
+        seed: 0,
+        threads: 0,
+        memory: 1 << 30,
+        out,
+        force: true,
+        frame_logs: FrameLogs::Csv,
+        timeout: None,
+        about: Default::default(),
+        host: Default::default(),
+    };
+    let report = eval::run(&request, &eval::Silent, &AtomicBool::new(false))?;
+    print!("{}", table(&report.results, &TableOptions::default()));
+    println!("everything else is in {}", report.path.display());
+    Ok(())
+}

@@ -1,0 +1,41 @@
+//! Isotropic scale and translation: `p = (tx, ty, s)`, `M = [1+s 0 tx; 0 1+s ty; 0 0 1]`.
+
+use super::projective::ProjectiveModel;
+use crate::geom::Mat3;
+use crate::geom::fit::Moments;
+use crate::params::NoParams;
+
+/// Algebra of [`super::Ist`].
+#[derive(Clone, Debug, Default)]
+pub struct IstModel;
+
+impl ProjectiveModel for IstModel {
+    type Params = NoParams;
+    const NAME: &'static str = "ist";
+    const ALIASES: &'static [&'static str] = &["3s"];
+    const SUMMARY: &'static str = "isotropic scale and translation: tx, ty, s";
+    const DOF: usize = 3;
+    const MIN_POINTS: usize = 2;
+
+    fn new(_: NoParams) -> Self {
+        IstModel
+    }
+    fn matrix(&self, p: &[f64]) -> Mat3 {
+        Mat3::new(1.0 + p[2], 0.0, p[0], 0.0, 1.0 + p[2], p[1], 0.0, 0.0, 1.0)
+    }
+    fn state(&self, m: &Mat3, p: &mut [f64]) -> Option<()> {
+        p.copy_from_slice(&[m[(0, 2)], m[(1, 2)], m[(0, 0)] - 1.0]);
+        Some(())
+    }
+    fn derivative(&self, _: &[f64], k: usize) -> Mat3 {
+        let mut d = Mat3::zeros();
+        match k {
+            2 => (d[(0, 0)], d[(1, 1)]) = (1.0, 1.0),
+            _ => d[(k, 2)] = 1.0,
+        }
+        d
+    }
+    fn fit_matrix(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
+        Moments::new(from, to)?.isotropic_scale()
+    }
+}
