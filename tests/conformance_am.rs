@@ -5,6 +5,7 @@ mod common;
 use mtf_eval::am::{AMS, AppearanceModel, PatchShape, Side};
 use mtf_eval::diagnose::{self, PatchPair, Waves};
 use mtf_eval::geom::solve::{SymMatrix, solve_negative};
+use mtf_eval::ilm::ILMS;
 use mtf_eval::kernels::Jacobian;
 use mtf_eval::params::Resolution;
 use rand::RngExt;
@@ -69,6 +70,20 @@ fn derivatives_agree_with_central_differences() {
                 assert!(!checks.is_empty());
                 for c in checks {
                     assert!(c.passed(), "{channels} channels, seed {seed}: {c:?}");
+                }
+            }
+        }
+    }
+}
+
+/// `f(T, g(I(p); a))` by `p` and `a`, for every illumination model and every differentiable appearance model.
+#[test]
+fn derivatives_with_illumination_agree_with_central_differences() {
+    for entry in AMS {
+        for ilm in ILMS {
+            for channels in [1, 3] {
+                for c in diagnose::illumination(entry, ilm, &pair(channels, 10), 3, 10).unwrap() {
+                    assert!(c.passed(), "{channels} channels: {c:?}");
                 }
             }
         }

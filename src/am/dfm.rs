@@ -183,6 +183,8 @@ impl AppearanceModel for Dfm {
             derivatives: true,
             symmetric: true,
             metric: Metric::SquaredL2,
+            gain_bias_invariant: false,
+            masks: false,
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {

@@ -33,6 +33,7 @@ mod ngf;
 mod nssd;
 mod pca;
 mod riu;
+mod robust;
 mod sad;
 mod scv;
 mod spss;
@@ -55,6 +56,7 @@ pub use ngf::{Ngf, NgfParams};
 pub use nssd::Nssd;
 pub use pca::Pca;
 pub use riu::Riu;
+pub use robust::Robust;
 pub use sad::Sad;
 pub use scv::{ConditionalVariance, Lrscv, Lscv, Rscv, Scv};
 pub use spss::Spss;
@@ -150,6 +152,11 @@ pub struct Capabilities {
     pub symmetric: bool,
     /// Metric of its distance feature.
     pub metric: Metric,
+    /// One gain and one bias of the whole current patch change `f` not at all, or only by an accident of the measure: a
+    /// search cannot estimate them.
+    pub gain_bias_invariant: bool,
+    /// Can leave out values ([`AppearanceModel::set_mask`]); its feature has an element per value.
+    pub masks: bool,
 }
 
 /// Gradient (row vector `J`) and Hessian of the similarity with respect to the search parameters.
@@ -206,6 +213,17 @@ pub trait AppearanceModel: Send {
 
     /// Takes the current patch and computes what the similarity and its derivatives share (function 4 without `f`).
     fn set_current(&mut self, patch: &[f32]);
+
+    /// Restricts the model to the values for which `mask` is 1; the others, for which it is 0, contribute nothing to
+    /// `f` and its derivatives until the next mask or template. Takes effect with the next
+    /// [`set_current`](Self::set_current); only called if the model can (see [`Capabilities::masks`]).
+    fn set_mask(&mut self, _mask: &[f32]) {}
+
+    /// Whether values are weighted, by a mask or by how well they agree: then even the template's self Hessian changes
+    /// with the current patch.
+    fn weighted(&self) -> bool {
+        false
+    }
 
     /// `f(T, I)` (function 4).
     fn similarity(&self) -> f64;
@@ -291,6 +309,12 @@ impl<T: AppearanceModel + ?Sized> AppearanceModel for Box<T> {
     }
     fn set_current(&mut self, patch: &[f32]) {
         (**self).set_current(patch)
+    }
+    fn set_mask(&mut self, mask: &[f32]) {
+        (**self).set_mask(mask)
+    }
+    fn weighted(&self) -> bool {
+        (**self).weighted()
     }
     fn similarity(&self) -> f64 {
         (**self).similarity()

@@ -176,6 +176,8 @@ impl AppearanceModel for Pca {
             derivatives: true,
             symmetric: false,
             metric: Metric::SquaredL2,
+            gain_bias_invariant: false,
+            masks: false,
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {

@@ -151,6 +151,8 @@ impl AppearanceModel for Riu {
             derivatives: true,
             symmetric: false,
             metric: Metric::Other,
+            gain_bias_invariant: true,
+            masks: false,
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {

@@ -252,6 +252,8 @@ impl<V: Variant> AppearanceModel for ConditionalVariance<V> {
             derivatives: true,
             symmetric: false,
             metric,
+            gain_bias_invariant: true,
+            masks: false,
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
