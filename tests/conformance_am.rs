@@ -5,6 +5,7 @@ mod common;
 use mtf_eval::am::{AMS, AppearanceModel, PatchShape, Side};
 use mtf_eval::diagnose::{self, PatchPair, Waves};
 use mtf_eval::geom::solve::{SymMatrix, solve_negative};
+use mtf_eval::ilm::ILMS;
 use mtf_eval::kernels::Jacobian;
 use mtf_eval::params::Resolution;
 use rand::RngExt;
@@ -75,6 +76,20 @@ fn derivatives_agree_with_central_differences() {
     }
 }
 
+/// `f(T, g(I(p); a))` by `p` and `a`, for every illumination model and every differentiable appearance model.
+#[test]
+fn derivatives_with_illumination_agree_with_central_differences() {
+    for entry in AMS {
+        for ilm in ILMS {
+            for channels in [1, 3] {
+                for c in diagnose::illumination(entry, ilm, &pair(channels, 10), 3, 10).unwrap() {
+                    assert!(c.passed(), "{channels} channels: {c:?}");
+                }
+            }
+        }
+    }
+}
+
 /// Parameters whose derivatives differ from those of the defaults.
 const OPTIONS: &[(&str, &[(&str, &str)])] = &[
     ("nssd", &[("norm_min", "-1"), ("norm_max", "3")]),
@@ -97,6 +112,9 @@ const OPTIONS: &[(&str, &[(&str, &str)])] = &[
     ("lscv", &[("affine", "0"), ("mapped_gradient", "1")]),
     ("lrscv", &[("affine", "0"), ("weighted", "1")]),
     ("lrscv", &[("mapped_gradient", "1"), ("n_regions", "4")]),
+    ("pca", &[("batch_size", "2")]),
+    ("dfm", &[("n_maps", "10"), ("zncc", "0")]),
+    ("dfm", &[("n_maps", "1")]),
     ("sum", &[("am1", "ssim"), ("am2", "spss")]),
     ("sum", &[("am1", "scv"), ("am2", "riu")]),
 ];

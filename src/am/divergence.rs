@@ -351,6 +351,8 @@ impl<K: DivergenceKind> AppearanceModel for Divergence<K> {
             derivatives: true,
             symmetric: false,
             metric: Metric::Other,
+            gain_bias_invariant: false,
+            masks: false,
         }
     }
     fn tracks_alone(&self) -> bool {

@@ -176,6 +176,8 @@ impl AppearanceModel for Ngf {
             derivatives: true,
             symmetric: true,
             metric: Metric::Other,
+            gain_bias_invariant: true,
+            masks: false,
         }
     }
     fn similarity_is_merit(&self) -> bool {

@@ -42,6 +42,8 @@ impl AppearanceModel for Sad {
             derivatives: false,
             symmetric: true,
             metric: Metric::L1,
+            gain_bias_invariant: false,
+            masks: false,
         }
     }
     fn set_template(&mut self, _shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {

@@ -191,6 +191,8 @@ impl AppearanceModel for Ssim {
             derivatives: true,
             symmetric: true,
             metric: Metric::Other,
+            gain_bias_invariant: false,
+            masks: false,
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {

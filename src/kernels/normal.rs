@@ -186,33 +186,42 @@ fn tile<V: Lanes, const WEIGHTED: bool>(
     let (rows, cols) = (rows.map(|r| &r[..n]), cols.map(|c| &c[..n]));
     let w = if WEIGHTED { &w[..n] } else { w };
     let mut i = 0;
-    while i < n {
-        let full = i + WIDTH <= n;
-        let load = |s: &[f32]| {
-            if full {
-                V::load(&s[i..i + WIDTH])
-            } else {
-                V::load_partial(&s[i..])
-            }
-        };
-        let a = rows.map(load);
-        let mut b = cols.map(load);
+    while i + WIDTH <= n {
+        let a = rows.map(|r| V::load(&r[i..i + WIDTH]));
+        let mut b = cols.map(|c| V::load(&c[i..i + WIDTH]));
         if WEIGHTED {
-            let w = load(w);
-            for q in 0..TILE {
-                if weighted[q] {
-                    b[q] = b[q].mul(w);
-                }
-            }
+            weigh(V::load(&w[i..i + WIDTH]), weighted, &mut b);
         }
-        for p in 0..TILE {
-            for q in 0..TILE {
-                acc[p][q] = a[p].mul_add(b[q], acc[p][q]);
-            }
-        }
+        multiply(a, b, &mut acc);
         i += WIDTH;
     }
+    if i < n {
+        let a = rows.map(|r| V::load_partial(&r[i..]));
+        let mut b = cols.map(|c| V::load_partial(&c[i..]));
+        if WEIGHTED {
+            weigh(V::load_partial(&w[i..]), weighted, &mut b);
+        }
+        multiply(a, b, &mut acc);
+    }
     acc
+}
+
+#[inline(always)]
+fn weigh<V: Lanes>(w: V, weighted: [bool; TILE], b: &mut [V; TILE]) {
+    for q in 0..TILE {
+        if weighted[q] {
+            b[q] = b[q].mul(w);
+        }
+    }
+}
+
+#[inline(always)]
+fn multiply<V: Lanes>(a: [V; TILE], b: [V; TILE], acc: &mut [[V; TILE]; TILE]) {
+    for p in 0..TILE {
+        for q in 0..TILE {
+            acc[p][q] = a[p].mul_add(b[q], acc[p][q]);
+        }
+    }
 }
 
 #[cfg(test)]
