@@ -209,7 +209,11 @@ mod tests {
     use proptest::prelude::*;
 
     fn show(e: &Expr) -> String {
-        let settings: Vec<String> = e.settings.iter().map(|(n, v)| format!("{}={v}", n.text)).collect();
+        let settings: Vec<String> = e
+            .settings
+            .iter()
+            .map(|(n, v)| format!("{}={v}", n.text))
+            .collect();
         let head = match &e.head {
             Head::Single { sm, am, ilm, ssm } => {
                 let ilm = ilm.as_ref().map_or(String::new(), |i| format!("+{}", i.text));
@@ -227,14 +231,20 @@ mod tests {
     fn trackers_nest() {
         for (text, canonical) in [
             ("esm/ssd/homography", "esm/ssd/homography{}"),
-            (" ESM / SSD + gb/ Homography { max_iters = 50 , res=25x25 } ", "esm/ssd+gb/homography{max_iters=50,res=25x25}"),
+            (
+                " ESM / SSD + gb/ Homography { max_iters = 50 , res=25x25 } ",
+                "esm/ssd+gb/homography{max_iters=50,res=25x25}",
+            ),
             ("best", "best(){}"),
             ("best(; levels=4)", "best(){levels=4}"),
             (
                 "cascade(pyramid(iclk/ssd/affine{sm.iclk.epsilon=1e-3}; levels=3), esm/zncc/homography)",
                 "cascade(pyramid(iclk/ssd/affine{sm.iclk.epsilon=1e-3}){levels=3},esm/zncc/homography{}){}",
             ),
-            ("grid(flow; ssm=homography, size=10x10){a=1}", "grid(flow(){}){ssm=homography,size=10x10,a=1}"),
+            (
+                "grid(flow; ssm=homography, size=10x10){a=1}",
+                "grid(flow(){}){ssm=homography,size=10x10,a=1}",
+            ),
         ] {
             assert_eq!(show(&parse(text).unwrap()), canonical);
         }

@@ -3,10 +3,12 @@
 #![deny(missing_docs)]
 
 pub mod am;
+pub mod compose;
 pub mod dataset;
 pub mod diagnose;
 pub mod estimate;
 pub mod eval;
+pub mod expr;
 pub mod geom;
 pub mod ilm;
 pub mod image;

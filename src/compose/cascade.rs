@@ -32,7 +32,11 @@ pub struct Cascade {
 impl Cascade {
     /// From its layers, at least one, in their order.
     pub fn new(params: CascadeParams, layers: Vec<Box<dyn Tracker>>) -> Self {
-        let history = History::new(if params.auto_reinit { params.reinit_frame_gap } else { 0 });
+        let history = History::new(if params.auto_reinit {
+            params.reinit_frame_gap
+        } else {
+            0
+        });
         Cascade {
             params,
             layers,
@@ -78,7 +82,9 @@ impl Cascade {
 
 impl Recall for Cascade {
     fn restart(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
-        self.layers.iter_mut().try_for_each(|layer| layer.init(frame, corners))
+        self.layers
+            .iter_mut()
+            .try_for_each(|layer| layer.init(frame, corners))
     }
 
     fn step(&mut self, frame: &Frame) -> (Result<Update, TrackError>, bool) {
@@ -102,11 +108,15 @@ impl Tracker for Cascade {
     }
 
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
-        self.layers.iter_mut().try_for_each(|layer| layer.set_region(corners))
+        self.layers
+            .iter_mut()
+            .try_for_each(|layer| layer.set_region(corners))
     }
 
     fn corners(&self) -> Corners {
-        self.layers.last().map_or(Corners::default(), |layer| layer.corners())
+        self.layers
+            .last()
+            .map_or(Corners::default(), |layer| layer.corners())
     }
 
     fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {

@@ -136,3 +136,73 @@ fn reseed_members(members: &mut [Box<dyn Tracker>], seed: u64) {
 fn channels(members: &[Box<dyn Tracker>]) -> usize {
     members.iter().map(|m| m.channels()).max().unwrap_or(1)
 }
+
+/// A search method that is short for a composite of its models.
+#[derive(Clone)]
+pub struct ShortEntry {
+    /// Name.
+    pub name: &'static str,
+    /// Other names.
+    pub aliases: &'static [&'static str],
+    /// Groups that include it.
+    pub groups: &'static [&'static str],
+    /// One-line description.
+    pub summary: &'static str,
+    /// The composite; `{am}`, `{ssm}` stand for the models, `{lit}` for the appearance model with the illumination model.
+    template: &'static str,
+}
+
+impl ShortEntry {
+    const fn new(
+        name: &'static str,
+        groups: &'static [&'static str],
+        summary: &'static str,
+        template: &'static str,
+    ) -> Self {
+        ShortEntry {
+            name,
+            aliases: &[],
+            groups,
+            summary,
+            template,
+        }
+    }
+
+    /// The composite for these models.
+    pub(crate) fn text(&self, am: &str, ilm: &str, ssm: &str) -> String {
+        let lit = if ilm == "none" {
+            am.to_owned()
+        } else {
+            format!("{am}+{ilm}")
+        };
+        let text = self.template.replace("{lit}", &lit);
+        text.replace("{am}", am).replace("{ssm}", ssm)
+    }
+
+    /// Whether an illumination model has a place in it.
+    pub(crate) fn lit(&self) -> bool {
+        self.template.contains("{lit}")
+    }
+}
+
+/// Every short name.
+pub const SHORT: &[ShortEntry] = &[
+    ShortEntry::new(
+        "pyfc",
+        &["composite"],
+        "pyramid of FCLK",
+        "pyramid(fclk/{lit}/{ssm})",
+    ),
+    ShortEntry::new(
+        "pyic",
+        &["composite"],
+        "pyramid of ICLK",
+        "pyramid(iclk/{lit}/{ssm})",
+    ),
+    ShortEntry::new(
+        "pyes",
+        &["composite"],
+        "pyramid of ESM",
+        "pyramid(esm/{lit}/{ssm})",
+    ),
+];

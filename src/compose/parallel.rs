@@ -55,7 +55,11 @@ pub struct Parallel {
 impl Parallel {
     /// From its members, at least one.
     pub fn new(params: ParallelParams, members: Vec<Box<dyn Tracker>>) -> Self {
-        let history = History::new(if params.auto_reinit { params.reinit_frame_gap } else { 0 });
+        let history = History::new(if params.auto_reinit {
+            params.reinit_frame_gap
+        } else {
+            0
+        });
         let ssm = (params.estimate == ParallelEstimate::MeanStates).then(|| params.state_ssm.build());
         Parallel {
             answers: Vec::with_capacity(members.len()),
@@ -87,8 +91,15 @@ impl Parallel {
                     ssm.fit_corners(answer)?;
                     self.states.extend_from_slice(ssm.state());
                 }
+                let weights = vec![1.0; n];
                 self.mean.resize(ssm.dof(), 0.0);
-                ssm::mean_into(ssm.as_ref(), ssm::Mean::Group, &self.states, &vec![1.0; n], &mut self.mean)?;
+                ssm::mean_into(
+                    ssm::Mean::Group,
+                    ssm.as_ref(),
+                    &self.states,
+                    &weights,
+                    &mut self.mean,
+                )?;
                 ssm.set_state(&self.mean)?;
                 ssm.corners()
             }

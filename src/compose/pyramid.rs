@@ -1,8 +1,8 @@
 //! Pyramid: the same tracker on every level of the image pyramid, coarse to fine. Level `k` is the frame halved `k` times,
 //! `x_k = x/2^k` exactly.
 
-use crate::geom::Corners;
 use super::Member;
+use crate::geom::Corners;
 use crate::image::Frame;
 use crate::params::{ParamValue, Resolution};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
@@ -58,7 +58,8 @@ impl Tracker for Pyramid {
         let fits = |k: &usize| k < &frame.levels() && shortest * shrink(*k) >= MIN_SIDE;
         self.used = 0;
         for k in 0..(0..self.levels.len()).take_while(fits).count().max(1) {
-            let started = self.levels[k].init(frame.level(k, self.levels[k].channels()), &scaled(corners, shrink(k)));
+            let level = frame.level(k, self.levels[k].channels());
+            let started = self.levels[k].init(level, &scaled(corners, shrink(k)));
             match started {
                 Ok(()) => self.used = k + 1,
                 // What is too small to see on a coarse level is tracked on the finer ones.
@@ -132,14 +133,22 @@ const MIN_RES: usize = 8;
 /// A pyramid of the member, sampled more coarsely on coarser levels if asked for.
 pub(super) fn build(params: &PyramidParams, member: &Member) -> Result<Pyramid, String> {
     let res = member.params.iter().find(|(info, _)| info.name == "res");
-    let res = res.and_then(|(_, text)| Resolution::parse(text)).filter(|_| params.scale_res);
+    let res = res
+        .and_then(|(_, text)| Resolution::parse(text))
+        .filter(|_| params.scale_res);
     let level = |k: usize| match res {
         Some(res) => {
             let side = |n: usize| (n >> k).max(MIN_RES.min(n));
-            let text = Resolution { cols: side(res.cols), rows: side(res.rows) }.text();
+            let text = Resolution {
+                cols: side(res.cols),
+                rows: side(res.rows),
+            }
+            .text();
             (member.make)(&[("res", &text)])
         }
         None => (member.make)(&[]),
     };
-    Ok(Pyramid::new((0..params.levels).map(level).collect::<Result<_, _>>()?))
+    Ok(Pyramid::new(
+        (0..params.levels).map(level).collect::<Result<_, _>>()?,
+    ))
 }

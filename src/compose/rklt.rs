@@ -50,12 +50,16 @@ impl Tracker for Rklt {
         let led = self.leader.update(frame);
         // Without a leader the template starts from where the object was.
         let start = led.as_ref().map_or(self.corners, |u| u.corners);
-        let corrected = self.template.set_region(&start).and_then(|()| self.template.update(frame));
+        let corrected = self
+            .template
+            .set_region(&start)
+            .and_then(|()| self.template.update(frame));
         let trusted = |u: &Update| {
             let apart = u.corners.distance_squared(&start).sqrt();
             led.is_err() || !self.params.rkl_failure_detection || apart <= self.params.rkl_failure_thresh
         };
-        let iterations = led.as_ref().map_or(0, |u| u.iterations) + corrected.as_ref().map_or(0, |u| u.iterations);
+        let iterations =
+            led.as_ref().map_or(0, |u| u.iterations) + corrected.as_ref().map_or(0, |u| u.iterations);
         let mut update = match (corrected, led) {
             (Ok(u), _) if trusted(&u) => {
                 if self.params.rkl_feedback {

@@ -45,11 +45,6 @@ impl TrackerEntry {
     /// The registry does not know the tracker.
     pub fn from_registry(registry: &Arc<Registry>, spec: &TrackerSpec) -> Result<TrackerEntry, SpecError> {
         let (sm, am, ssm, ilm) = spec.parts();
-        let parameters = registry.resolved(spec)?.into_iter().map(|(info, text)| {
-            // Numbers as numbers; everything else as it would be typed.
-            let value = serde_json::from_str(&text).ok().filter(Value::is_number);
-            (info.name.to_owned(), value.unwrap_or(Value::String(text)))
-        });
         let name = TrackerName {
             id: spec.to_string(),
             sm: sm.to_owned(),
@@ -57,7 +52,7 @@ impl TrackerEntry {
             ssm: ssm.to_owned(),
             ilm: ilm.to_owned(),
         };
-        let parameters = Value::Object(parameters.collect());
+        let parameters = registry.describe(spec)?;
         let (registry, slug, spec) = (Arc::clone(registry), spec.slug(), spec.clone());
         let make = Arc::new(move || registry.build(&spec).map_err(|e| e.to_string()));
         Ok(TrackerEntry {

@@ -65,6 +65,14 @@ impl Corners {
             .sum()
     }
 
+    /// Mean of the four corner distances to `other`, px.
+    pub fn mean_distance(&self, other: &Corners) -> f64 {
+        let distance = |(a, b): (&[f64; 2], &[f64; 2])| {
+            ((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])).sqrt()
+        };
+        self.0.iter().zip(&other.0).map(distance).sum::<f64>() / 4.0
+    }
+
     /// Each corner moved by `(dx, dy)` pixels.
     pub fn translated(&self, dx: f64, dy: f64) -> Corners {
         Corners(self.0.map(|[x, y]| [x + dx, y + dy]))

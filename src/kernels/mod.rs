@@ -7,6 +7,7 @@ mod blend;
 pub mod blur;
 mod filter;
 pub mod gray;
+mod halve;
 pub mod hist;
 mod lanes;
 mod normal;
@@ -23,6 +24,7 @@ mod weighted;
 
 pub use blend::{accumulate, product, row_times, scale_shift};
 pub use filter::{Pass, filter_pass, subtract_combination};
+pub use halve::{halve, halve_scratch_len};
 #[cfg(target_arch = "x86_64")]
 pub use lanes::Avx2;
 pub(crate) use lanes::dispatch;

@@ -458,6 +458,44 @@ pub fn fit_truth(model: &SsmEntry, base: &Corners, corners: &Corners) -> Result<
     Ok(ssm.corners())
 }
 
+/// A state space model by its name, as a parameter of trackers that use one of their own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SsmName(&'static str);
+
+impl Default for SsmName {
+    fn default() -> Self {
+        SsmName(Homography::NAME)
+    }
+}
+
+impl SsmName {
+    /// The model with default parameters.
+    pub fn build(self) -> Box<dyn StateSpaceModel> {
+        let entry = SSMS.iter().find(|e| e.name == self.0);
+        // Names come from the table, and defaults are in range.
+        match entry.map(|e| (e.build)(&[])) {
+            Some(Ok(model)) => model,
+            _ => Box::new(Homography::new()),
+        }
+    }
+}
+
+impl crate::params::ParamValue for SsmName {
+    fn parse(text: &str) -> Option<Self> {
+        let text = text.to_ascii_lowercase();
+        let found = SSMS
+            .iter()
+            .find(|e| e.name == text || e.aliases.contains(&text.as_str()));
+        found.map(|e| SsmName(e.name))
+    }
+    fn text(&self) -> String {
+        self.0.to_owned()
+    }
+    fn allowed() -> String {
+        "a state space model".to_owned()
+    }
+}
+
 /// Why ground truth cannot be fitted with a model.
 #[derive(Debug, thiserror::Error)]
 pub enum TruthError {

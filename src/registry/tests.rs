@@ -1,0 +1,229 @@
+use super::parts::Parts;
+use super::*;
+
+fn list(names: &[&str]) -> Vec<String> {
+    names.iter().map(|s| s.to_string()).collect()
+}
+
+#[test]
+fn ids_are_canonical() {
+    let r = Registry::builtin();
+    let spec = r
+        .parse("ESM/ssd/8{max_iters=50, epsilon=0.0001,hess=std}")
+        .unwrap();
+    assert_eq!(spec.to_string(), "esm/ssd/homography{hess=std,max_iters=50}");
+    assert_eq!(r.parse(&spec.to_string()).unwrap(), spec);
+    assert_eq!(r.parse("fc/ncc/trans").unwrap().slug(), "fclk-ncc-translation");
+    assert!(
+        spec.slug()
+            .starts_with("esm-ssd-homography-hess=std-max_iters=50-")
+    );
+}
+
+#[test]
+fn errors_say_where_and_what() {
+    let r = Registry::builtin();
+    let message = |text: &str| r.parse(text).unwrap_err().to_string();
+    assert_eq!(
+        message("esmm/ssd/8"),
+        "unknown search method 'esmm'; did you mean 'esm'?"
+    );
+    assert_eq!(
+        message("esm/ssd"),
+        "'esm/ssd', column 8: expected '/' and a state space model"
+    );
+    assert_eq!(
+        message("esm/ssd/8{max_iter=3}"),
+        "unknown parameter 'max_iter'; did you mean 'max_iters'?"
+    );
+    assert_eq!(
+        message("esm/ssd/8{max_iters}"),
+        "'esm/ssd/8{max_iters}', column 20: expected '=' and a value"
+    );
+    assert_eq!(
+        message("esm/ssd/8{max_iters=0}"),
+        "max_iters=0: expected 1 to 100000"
+    );
+    assert_eq!(
+        message("esm/ssd/8{max_iters=3"),
+        "'esm/ssd/8{max_iters=3', column 22: expected ',' or '}'"
+    );
+    assert_eq!(
+        message("iclk/ssd/8{hess=sum_of_self}"),
+        "hess=sum_of_self: expected initial_self, current_self, std"
+    );
+}
+
+#[test]
+fn warps_without_an_algebra_are_refused_where_it_is_needed() {
+    let r = Registry::builtin();
+    let refused = |text: &str| r.build(&r.parse(text).unwrap()).err().map(|e| e.to_string());
+    assert_eq!(
+        refused("esm/ssd/spline").unwrap(),
+        "esm/ssd/spline: spline does not compose; esm needs that; try falk, ialk"
+    );
+    assert!(
+        refused("iclk/ncc/tps")
+            .unwrap()
+            .contains("has no inverses; iclk needs that")
+    );
+    assert!(refused("falk/ssd/spline").is_none() && refused("esm/ssd/asrt").is_none());
+    // In a product they are listed, not an error.
+    let s = Selection {
+        sm: list(&["lk"]),
+        am: list(&["ssd"]),
+        ssm: list(&["all"]),
+        ..Default::default()
+    };
+    let e = r.expand(&s).unwrap();
+    assert_eq!((e.specs.len(), e.refused.len()), (5 * 15 - 6, 6));
+}
+
+#[test]
+fn products_groups_and_settings() {
+    let r = Registry::builtin();
+    let mut s = Selection {
+        sm: list(&["lk,esm"]),
+        am: list(&["ssd", "ncc"]),
+        ssm: list(&["hom,2"]),
+        ..Default::default()
+    };
+    assert_eq!(r.expand(&s).unwrap().specs.len(), 20);
+    s.set = vec![("esm.max_iters".into(), "7".into()), ("res".into(), "25".into())];
+    let specs = r.expand(&s).unwrap().specs;
+    assert_eq!(
+        specs
+            .iter()
+            .filter(|s| s.to_string().contains("max_iters=7,res=25x25"))
+            .count(),
+        4
+    );
+    s.set = vec![("esm.max_itersx".into(), "7".into())];
+    assert_eq!(
+        r.expand(&s).unwrap_err().to_string(),
+        "unknown parameter 'esm.max_itersx'; did you mean 'max_iters'?"
+    );
+}
+
+#[test]
+fn no_name_means_two_parameters_of_one_tracker() {
+    let r = Registry::builtin();
+    for sm in r.sms() {
+        for am in r.ams() {
+            for (ssm, ilm) in r.ssms().iter().flat_map(|s| r.ilms().iter().map(move |i| (s, i))) {
+                let parts = Parts { sm, am, ilm, ssm };
+                let mut names: Vec<_> = parts.params().iter().map(|p| p.name).collect();
+                let count = names.len();
+                names.sort_unstable();
+                names.dedup();
+                let id = plain_id(sm.name, am.name, ilm.name, ssm.name);
+                assert_eq!(names.len(), count, "{id}");
+            }
+        }
+    }
+}
+
+#[test]
+fn composites_nest_and_are_canonical() {
+    let r = Registry::builtin();
+    for (text, id) in [
+        (
+            "CASC( fclk/ncc/2 , pyr(iclk/ssd+gb/affine{max_iters=9}; levels=4, scale_res=1) ; feedback=0)",
+            "cascade(fclk/ncc/translation, pyramid(iclk/ssd+gb/affine{max_iters=9}; levels=4); feedback=0)",
+        ),
+        (
+            "parallel(esm/ssd/8, esm/ncc/8; estimate=median_corners)",
+            "parallel(esm/ssd/homography, esm/ncc/homography; estimate=median_corners)",
+        ),
+        (
+            "rklt(esm/ssd/2, esm/ncc/8)",
+            "rklt(esm/ssd/translation, esm/ncc/homography)",
+        ),
+    ] {
+        let spec = r.parse(text).unwrap();
+        assert_eq!(spec.to_string(), id);
+        assert_eq!(r.parse(id).unwrap(), spec);
+        r.build(&spec).unwrap();
+        let slug = spec.slug();
+        assert!(
+            slug.len() <= 96
+                && slug
+                    .chars()
+                    .all(|c| c.is_ascii_alphanumeric() || "._=-".contains(c))
+        );
+    }
+    let message = |text: &str| r.parse(text).unwrap_err().to_string();
+    assert_eq!(
+        message("cascde(esm/ssd/8)"),
+        "unknown composite tracker 'cascde'; did you mean 'cascade'?"
+    );
+    assert_eq!(
+        message("rklt(esm/ssd/8)"),
+        "'rklt(esm/ssd/8)', column 5: expected 2 members of rklt"
+    );
+    assert_eq!(
+        message("pyramid(esm/ssd/8; level=3)"),
+        "unknown parameter 'level'; did you mean 'levels'?"
+    );
+    assert_eq!(
+        message("esm"),
+        "'esm', column 4: expected '/' and an appearance model"
+    );
+    let refused = r.build(&r.parse("cascade(esm/ssd/8, esm/sad/8)").unwrap());
+    let reason = refused.err().unwrap().to_string();
+    assert!(
+        reason.starts_with(
+            "cascade(esm/ssd/homography, esm/sad/homography): esm/sad/homography: sad has no derivatives"
+        ),
+        "{reason}"
+    );
+}
+
+#[test]
+fn short_names_keep_what_changes_their_composite() {
+    let r = Registry::builtin();
+    let spec = r.parse("pyes/ssd/8{max_iters=50,levels=4,epsilon=1e-4}").unwrap();
+    assert_eq!(spec.to_string(), "pyes/ssd/homography{levels=4,max_iters=50}");
+    assert_eq!(spec.parts(), ("pyes", "ssd", "homography", "none"));
+    assert_eq!(r.parse(&spec.to_string()).unwrap(), spec);
+    assert_eq!(
+        r.describe(&spec).unwrap()["stands_for"],
+        "pyramid(esm/ssd/homography{max_iters=50}; levels=4)"
+    );
+    r.build(&spec).unwrap();
+    assert_eq!(
+        r.parse("pyes/ssd/8{lvels=4}").unwrap_err().to_string(),
+        "unknown parameter 'lvels'; did you mean 'levels'?"
+    );
+    // All that `--sm all` names has one layer; short names have a group.
+    let expand = |sm: &[&str], set: &[(&str, &str)]| {
+        let s = Selection {
+            sm: list(sm),
+            am: list(&["ssd"]),
+            ssm: list(&["8"]),
+            set: set.iter().map(|(n, v)| (n.to_string(), v.to_string())).collect(),
+            ..Default::default()
+        };
+        r.expand(&s)
+            .map(|e| e.specs.iter().map(ToString::to_string).collect::<Vec<_>>())
+    };
+    assert!(
+        !expand(&["all"], &[])
+            .unwrap()
+            .iter()
+            .any(|id| id.starts_with("py"))
+    );
+    assert!(
+        expand(&["composite"], &[])
+            .unwrap()
+            .contains(&"pyes/ssd/homography".to_owned())
+    );
+    assert_eq!(
+        expand(&["pyes", "esm"], &[("esm.max_iters", "9")]).unwrap(),
+        [
+            "pyes/ssd/homography{esm.max_iters=9}",
+            "esm/ssd/homography{max_iters=9}"
+        ]
+    );
+    assert!(expand(&["pyes"], &[("iclk.max_iters", "9")]).is_err());
+}
