@@ -3,10 +3,13 @@
 #![deny(missing_docs)]
 
 pub mod am;
+pub mod compose;
 pub mod dataset;
 pub mod diagnose;
 pub mod estimate;
 pub mod eval;
+pub mod features;
+pub mod flow;
 pub mod geom;
 pub mod image;
 pub mod kernels;
