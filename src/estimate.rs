@@ -28,7 +28,7 @@ crate::params! {
     /// Parameters of robust estimation.
     pub struct EstimatorParams {
         /// Estimator: ransac, lmeds or lsq (all pairs).
-        est_method: EstimateMethod = EstimateMethod::Ransac;
+        estimator: EstimateMethod = EstimateMethod::Ransac;
         /// RANSAC: largest distance of an inlier, px.
         est_thresh: f64 = 5.0, in 1e-3..=1e4;
         /// Pairs per sample; 0 or fewer than the model's minimum: the minimum.
@@ -179,14 +179,14 @@ impl Estimator {
         let sample = self.params.est_points.clamp(least, n.min(MAX_SAMPLE));
         self.mask.clear();
         self.mask.resize(n, true);
-        if n == sample || self.params.est_method == EstimateMethod::LeastSquares {
+        if n == sample || self.params.estimator == EstimateMethod::LeastSquares {
             let m = model.fit(from, to).ok_or(EstimateError::NoConsensus)?;
             let refined = (self.params.est_refine && n > least)
                 .then(|| model.refine(&m, from, to, self.params.est_refine_iters))
                 .flatten();
             return Ok(refined.unwrap_or(m));
         }
-        let (m, cut) = match self.params.est_method {
+        let (m, cut) = match self.params.estimator {
             EstimateMethod::Lmeds => self.least_median(model, from, to, sample)?,
             _ => self.ransac(model, from, to, sample)?,
         };
@@ -413,9 +413,9 @@ mod tests {
         }
     }
 
-    fn params(est_method: EstimateMethod) -> EstimatorParams {
+    fn params(estimator: EstimateMethod) -> EstimatorParams {
         EstimatorParams {
-            est_method,
+            estimator,
             ..EstimatorParams::default()
         }
     }

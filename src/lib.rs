@@ -9,6 +9,8 @@ pub mod diagnose;
 pub mod estimate;
 pub mod eval;
 pub mod expr;
+pub mod features;
+pub mod flow;
 pub mod geom;
 pub mod ilm;
 pub mod image;

@@ -67,9 +67,9 @@ fn median(v: &mut [f64]) -> f64 {
     v[v.len() / 2]
 }
 
-fn params(est_method: EstimateMethod) -> EstimatorParams {
+fn params(estimator: EstimateMethod) -> EstimatorParams {
     EstimatorParams {
-        est_method,
+        estimator,
         ..EstimatorParams::default()
     }
 }

@@ -4,17 +4,29 @@
 //! others. May depend on everything below `registry`.
 
 mod cascade;
+mod feature;
+mod grid;
 mod history;
+mod klt_grid;
+mod nodes;
 mod parallel;
 mod pyramid;
 mod rklt;
 
 pub use cascade::{Cascade, CascadeParams};
+pub use feature::{Detection, FeatureParams, FeatureTracker};
+pub use grid::{Grid, GridReset, PatchParams};
+pub use klt_grid::KltGrid;
+pub use nodes::NodeParams;
 pub use parallel::{Parallel, ParallelEstimate, ParallelParams};
 pub use pyramid::{Pyramid, PyramidParams};
 pub use rklt::{Rklt, RkltParams};
 
+use crate::estimate::EstimatorParams;
+use crate::features::MatchParams;
+use crate::flow::KltParams;
 use crate::params::{Assignment, Built, ParamInfo, Params};
+use crate::ssm::SsmName;
 use crate::tracker::Tracker;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -119,7 +131,84 @@ pub const COMPOSITES: &[CompositeEntry] = &[
             Ok(Box::new(Rklt::new(params(p)?, leader, template)))
         },
     ),
+    CompositeEntry::of::<GridSettings>(
+        "grid",
+        &[],
+        "patches around the nodes of a grid, and one warp fitted to their motion; of a tracker each, or grid(flow)",
+        1..=1,
+        grid_of,
+    ),
+    CompositeEntry::of::<FlowSettings>(
+        "flow",
+        &["klt"],
+        "a grid of points followed by pyramidal Lucas-Kanade flow, and one warp fitted to them",
+        0..=0,
+        |p, _| {
+            let (klt, (nodes, (estimator, warp))): FlowSettings = params(p)?;
+            Ok(Box::new(KltGrid::new(nodes, klt, estimator, warp.ssm.build())))
+        },
+    ),
+    CompositeEntry::of::<(FeatureParams, (MatchParams, (EstimatorParams, WarpParams)))>(
+        "feature",
+        &["feat"],
+        "key points of the template found again in each frame, and one warp fitted to the matches",
+        0..=0,
+        |p, _| {
+            let (features, (matching, (estimator, warp))): (
+                FeatureParams,
+                (MatchParams, (EstimatorParams, WarpParams)),
+            ) = params(p)?;
+            Ok(Box::new(FeatureTracker::new(
+                features,
+                matching,
+                estimator,
+                warp.ssm.build(),
+            )))
+        },
+    ),
 ];
+
+crate::params! {
+    /// The warp of composites that have one of their own.
+    pub struct WarpParams {
+        /// State space model of the warp that is fitted.
+        ssm: SsmName = SsmName::default();
+    }
+}
+
+type PointSettings = (NodeParams, (EstimatorParams, WarpParams));
+type GridSettings = (PatchParams, PointSettings);
+type FlowSettings = (KltParams, PointSettings);
+
+/// A grid of trackers, or of points when the member is `flow`.
+fn grid_of(p: &[Assignment<'_>], members: &[Member]) -> Result<Box<dyn Tracker>, String> {
+    let (patches, (nodes, (estimator, warp))): GridSettings = params(p)?;
+    if members[0].kind != "flow" {
+        let member = || members[0].plain();
+        return Ok(Box::new(Grid::new(
+            nodes,
+            patches,
+            estimator,
+            warp.ssm.build(),
+            member,
+        )?));
+    }
+    if let Some((name, _)) = p
+        .iter()
+        .find(|(n, _)| PatchParams::info().iter().any(|i| i.name == *n))
+    {
+        return Err(format!(
+            "{name} is of no use to grid(flow), whose points have klt_window"
+        ));
+    }
+    let own: Vec<Assignment<'_>> = members[0]
+        .params
+        .iter()
+        .map(|(info, text)| (info.name, text.as_str()))
+        .collect();
+    let (klt, _): FlowSettings = params(&own)?;
+    Ok(Box::new(KltGrid::new(nodes, klt, estimator, warp.ssm.build())))
+}
 
 /// Seeds members apart.
 fn reseed_members(members: &mut [Box<dyn Tracker>], seed: u64) {

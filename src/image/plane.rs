@@ -27,6 +27,14 @@ impl Image {
         }
     }
 
+    /// Changes the size, keeping the memory; the values are meaningless afterwards.
+    pub(crate) fn reshape(&mut self, width: usize, height: usize, channels: usize) {
+        let stride = (width + 1).next_multiple_of(8);
+        (self.width, self.height) = (width, height);
+        (self.stride, self.channels) = (stride, channels);
+        self.data.resize(stride * (height + 1) * channels, 0.0);
+    }
+
     /// Single-plane image from row-major values (`values.len() == width * height`).
     pub fn from_gray(width: usize, height: usize, values: &[f32]) -> Self {
         assert_eq!(values.len(), width * height, "values must fill the image");

@@ -5,9 +5,12 @@
 
 mod blend;
 pub mod blur;
+mod corner;
 mod filter;
+mod flow;
 pub mod gray;
 mod halve;
+mod hamming;
 pub mod hist;
 mod lanes;
 mod normal;
@@ -23,8 +26,11 @@ mod warp;
 mod weighted;
 
 pub use blend::{accumulate, product, row_times, scale_shift};
+pub use corner::{CENTROID_RADIUS, centroid, corner_response, corner_scratch_len};
 pub use filter::{Pass, filter_pass, subtract_combination};
+pub use flow::{FlowWindow, Place, flow_mismatch, flow_residual, flow_window};
 pub use halve::{halve, halve_scratch_len};
+pub use hamming::{Bits, hamming, hamming_distances};
 #[cfg(target_arch = "x86_64")]
 pub use lanes::Avx2;
 pub(crate) use lanes::dispatch;

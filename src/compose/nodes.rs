@@ -1,0 +1,219 @@
+//! The nodes of a grid over the object, and the warp that a robust fit makes of their motion.
+//!
+//! Nodes are fixed places of the object: the fit is always between where they were when the warp's state was zero and
+//! where they have been found, so that nothing is composed from frame to frame but what the nodes themselves carry.
+
+use crate::estimate::{Estimator, EstimatorParams};
+use crate::geom::{Corners, Mat3, homography};
+use crate::image::Frame;
+use crate::params::Resolution;
+use crate::ssm::StateSpaceModel;
+use crate::tracker::TrackError;
+
+crate::params! {
+    /// Parameters of grids of points.
+    pub struct NodeParams {
+        /// Points over the object, columns x rows.
+        size: Resolution = Resolution { cols: 10, rows: 10 };
+        /// Points at the centres of the grid's cells instead of its nodes, which include the corners.
+        grid_cells: bool = false;
+        /// Largest squared distance by which a point tracked back to the frame before may miss its origin, px²; 0: no such check.
+        grid_fb: f64 = 0.0, in 0.0..=1e6;
+    }
+}
+
+/// Largest RMS misfit, px, at which a region that is set keeps the base frame.
+const KEEP_BASE: f64 = 0.5;
+
+/// Nodes, warp and estimator.
+pub(super) struct Nodes<S> {
+    pub params: NodeParams,
+    pub ssm: S,
+    pub estimator: Estimator,
+    seed: u64,
+    /// Places where the state is zero, px.
+    base: Vec<[f64; 2]>,
+    /// Places at the present state, px.
+    now: Vec<[f64; 2]>,
+    /// Which nodes the last fit agreed with.
+    inliers: Vec<bool>,
+    from: Vec<[f64; 2]>,
+    to: Vec<[f64; 2]>,
+    /// From the base to the present state, where corners tell all.
+    matrix: Mat3,
+}
+
+impl<S: StateSpaceModel> Nodes<S> {
+    pub fn new(params: NodeParams, estimator: EstimatorParams, ssm: S) -> Self {
+        Nodes {
+            params,
+            ssm,
+            estimator: Estimator::new(estimator, 0),
+            seed: 0,
+            base: Vec::new(),
+            now: Vec::new(),
+            inliers: Vec::new(),
+            from: Vec::new(),
+            to: Vec::new(),
+            matrix: Mat3::identity(),
+        }
+    }
+
+    pub fn reseed(&mut self, seed: u64) {
+        self.seed = seed;
+        self.estimator.reseed(seed);
+    }
+
+    pub fn started(&self) -> bool {
+        !self.base.is_empty()
+    }
+
+    pub fn init(&mut self, corners: &Corners) -> Result<(), TrackError> {
+        // The warp's own grid is that of the nodes, for warps whose controls depend on it.
+        self.ssm.init(corners, self.params.size)?;
+        self.estimator.reseed(self.seed);
+        self.inliers.clear();
+        self.inliers.resize(self.params.size.len(), true);
+        self.spread()
+    }
+
+    /// Puts the nodes on the base.
+    fn spread(&mut self) -> Result<(), TrackError> {
+        let square = Corners::rect(0.0, 0.0, 1.0, 1.0);
+        let place = homography::from_corners(&square, &self.ssm.base_corners())
+            .ok_or(TrackError::BadRegion("corners are not a convex quadrilateral"))?;
+        let Resolution { cols, rows } = self.params.size;
+        let cells = self.params.grid_cells;
+        let at = |i: usize, n: usize| {
+            if cells {
+                (i as f64 + 0.5) / n as f64
+            } else {
+                i as f64 / (n - 1) as f64
+            }
+        };
+        self.base.clear();
+        for row in 0..rows {
+            for col in 0..cols {
+                self.base
+                    .push(homography::apply(&place, [at(col, cols), at(row, rows)]));
+            }
+        }
+        self.follow()
+    }
+
+    /// Moves the nodes to the present state.
+    fn follow(&mut self) -> Result<(), TrackError> {
+        self.matrix = homography::from_corners(&self.ssm.base_corners(), &self.ssm.corners())
+            .ok_or(TrackError::Degenerate("region is not convex"))?;
+        let mut now = std::mem::take(&mut self.now);
+        now.clear();
+        now.extend(self.base.iter().map(|&x| self.carry(x)));
+        self.now = now;
+        Ok(())
+    }
+
+    /// Present place of a place `x` of the base, px.
+    pub fn carry(&self, x: [f64; 2]) -> [f64; 2] {
+        self.ssm
+            .place(x)
+            .unwrap_or_else(|| homography::apply(&self.matrix, x))
+    }
+
+    pub fn base(&self) -> &[[f64; 2]] {
+        &self.base
+    }
+
+    pub fn now(&self) -> &[[f64; 2]] {
+        &self.now
+    }
+
+    pub fn inliers(&self) -> &[bool] {
+        &self.inliers
+    }
+
+    /// Fraction of the nodes that the last fit agreed with.
+    pub fn agreement(&self) -> f64 {
+        self.inliers.iter().filter(|i| **i).count() as f64 / self.inliers.len().max(1) as f64
+    }
+
+    pub fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
+        if !self.started() {
+            return Err(TrackError::NotInitialised);
+        }
+        if !corners.is_finite() {
+            return Err(TrackError::NotFinite("corners"));
+        }
+        if self
+            .ssm
+            .fit_corners(corners)
+            .is_ok_and(|misfit| misfit <= KEEP_BASE)
+        {
+            self.follow()
+        } else {
+            self.ssm.rebase(corners)?;
+            self.spread()
+        }
+    }
+
+    /// Drops the nodes in `found` that miss their origin by more than the limit; as many of the least as determine the
+    /// warp are kept.
+    pub fn check_back(&self, misses: &[f64], found: &mut [Option<[f64; 2]>]) {
+        let least = self.ssm.capabilities().min_points;
+        let good = |d: f64| d <= self.params.grid_fb;
+        let sound = |(d, f): (&f64, &Option<_>)| f.is_some() && good(*d);
+        let mut limit = self.params.grid_fb;
+        if misses
+            .iter()
+            .zip(found.iter())
+            .filter(|p| sound((p.0, p.1)))
+            .count()
+            < least
+        {
+            let finite = misses.iter().zip(found.iter());
+            let mut all: Vec<f64> = finite
+                .filter(|(d, f)| f.is_some() && d.is_finite())
+                .map(|p| *p.0)
+                .collect();
+            all.sort_unstable_by(f64::total_cmp);
+            limit = all.get(least - 1).copied().unwrap_or(f64::MAX);
+        }
+        for (d, f) in misses.iter().zip(found) {
+            if d.is_nan() || *d > limit {
+                *f = None;
+            }
+        }
+    }
+
+    /// Fits the warp to the nodes that were found, outliers apart, and moves all nodes along. On failure they stay.
+    pub fn fit(&mut self, found: &[Option<[f64; 2]>], frame: &Frame) -> Result<(), TrackError> {
+        self.from.clear();
+        self.to.clear();
+        for (x, f) in self.base.iter().zip(found) {
+            if let Some(f) = f {
+                self.from.push(*x);
+                self.to.push(*f);
+            }
+        }
+        self.inliers.fill(false);
+        if self.from.len() < self.ssm.capabilities().min_points {
+            return Err(TrackError::Degenerate("too few points were found"));
+        }
+        let before: Vec<f64> = self.ssm.state().to_vec();
+        self.ssm.estimate(&mut self.estimator, &self.from, &self.to)?;
+        let huge = self.ssm.corners().signed_area().abs() > 4.0 * (frame.width() * frame.height()) as f64;
+        if huge || self.follow().is_err() {
+            self.ssm.set_state(&before)?;
+            self.follow()?;
+            return Err(TrackError::Degenerate("region is more than four times the image"));
+        }
+        let mut agreed = self.estimator.inliers().iter();
+        for (inlier, f) in self.inliers.iter_mut().zip(found) {
+            *inlier = f.is_some() && agreed.next().copied().unwrap_or(false);
+        }
+        Ok(())
+    }
+
+    pub fn memory(&self) -> usize {
+        self.ssm.memory() + 160 * self.base.capacity()
+    }
+}

@@ -1,0 +1,379 @@
+//! Sparse pyramidal Lucas-Kanade flow (Lucas & Kanade 1981; Bouguet 2000): per point and level, coarse to fine,
+//! `v <- v + G⁻¹ Σ (I(x) - J(x + g + v)) ∇I(x)` over a window, `G = Σ ∇I ∇Iᵀ`, then `g <- 2 (g + v)`. The gradient is
+//! that of the first image (inverse compositional), so each level needs it once.
+
+use crate::image::{Frame, Image};
+use crate::kernels::{self, FlowWindow, Place};
+
+crate::params! {
+    /// Parameters of pyramidal Lucas-Kanade flow.
+    pub struct KltParams {
+        /// Side of the window, px; made odd.
+        klt_window: usize = 21, in 3..=101;
+        /// Highest level of the pyramid; 0: the image alone.
+        klt_levels: usize = 4, in 0..=10;
+        /// Most iterations per level.
+        klt_iters: usize = 30, in 1..=1000;
+        /// Converged when a step is shorter than this, px.
+        klt_epsilon: f64 = 0.01, in 1e-6..=1.0;
+        /// Points whose window has a structure matrix (mean of ∇I ∇Iᵀ) with a smaller eigenvalue are lost, (intensity/px)².
+        klt_min_eigen: f64 = 0.1, in 0.0..=1e6;
+    }
+}
+
+/// What became of a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PointStatus {
+    /// Found.
+    Tracked,
+    /// Its window has no texture in some direction.
+    Flat,
+    /// It, or most of its window, has left the image.
+    Outside,
+}
+
+/// A point in the second frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Tracked {
+    /// Where it is, px; meaningful when tracked.
+    pub at: [f64; 2],
+    /// What became of it.
+    pub status: PointStatus,
+    /// Mean absolute difference of the windows, intensity.
+    pub residual: f64,
+    /// Smaller eigenvalue of the structure matrix, (intensity/px)².
+    pub min_eigen: f64,
+}
+
+impl Tracked {
+    /// Whether it was found.
+    pub fn ok(&self) -> bool {
+        self.status == PointStatus::Tracked
+    }
+}
+
+/// Steps at levels above the image need not be finer than this, px of the level.
+const COARSE_EPSILON: f64 = 0.03;
+/// At levels above the image, points may be this far outside, px of the level.
+const COARSE_SLACK: f64 = 2.0;
+/// Steps that undo the last one within this end the iterations half way, px.
+const OSCILLATION: f64 = 0.01;
+/// Least fraction of a window's samples inside the image.
+const MIN_INSIDE: f64 = 0.5;
+
+/// Pyramidal Lucas-Kanade flow with its scratch.
+#[derive(Clone, Debug)]
+pub struct Klt {
+    params: KltParams,
+    window: FlowWindow,
+    back: Vec<Tracked>,
+    ahead: Vec<[f64; 2]>,
+}
+
+impl Klt {
+    /// With parameters.
+    pub fn new(params: KltParams) -> Self {
+        let window = FlowWindow::new(params.klt_window | 1);
+        Klt {
+            params,
+            window,
+            back: Vec::new(),
+            ahead: Vec::new(),
+        }
+    }
+
+    /// Parameters.
+    pub fn params(&self) -> &KltParams {
+        &self.params
+    }
+
+    /// Where the points `from` (px) of frame `first` are in frame `second`, in order, into `out`. The search starts
+    /// where they were.
+    pub fn track(&mut self, first: &Frame, second: &Frame, from: &[[f64; 2]], out: &mut Vec<Tracked>) {
+        out.clear();
+        out.extend(from.iter().map(|&x| self.track_point(first, second, x, x)));
+    }
+
+    /// One point, searched from `guess` on.
+    pub fn track_point(&mut self, first: &Frame, second: &Frame, x: [f64; 2], guess: [f64; 2]) -> Tracked {
+        let top = self
+            .params
+            .klt_levels
+            .min(first.levels() - 1)
+            .min(second.levels() - 1);
+        let mut found = Tracked {
+            at: guess,
+            status: PointStatus::Outside,
+            residual: f64::INFINITY,
+            min_eigen: 0.0,
+        };
+        if !inside(first.gray(), x, 0.0) || !guess.iter().all(|v| v.is_finite()) {
+            return found;
+        }
+        for level in (0..=top).rev() {
+            let (scale, epsilon) = (
+                1.0 / f64::from(1u32 << level),
+                if level == 0 {
+                    self.params.klt_epsilon
+                } else {
+                    self.params.klt_epsilon.max(COARSE_EPSILON)
+                },
+            );
+            let images = (first.level(level, 1).gray(), second.level(level, 1).gray());
+            let at = found.at.map(|v| v * scale);
+            let slack = if level == 0 { 0.0 } else { COARSE_SLACK };
+            let step = self.search(images, x.map(|v| v * scale), at, epsilon, slack);
+            // What a coarse level cannot tell (it leaves the point where it was), a finer one may.
+            found = Tracked {
+                at: step.at.map(|v| v / scale),
+                ..step
+            };
+        }
+        found
+    }
+
+    /// One level: `x`, the start `at`, the shortest step and how far outside points may be, px of the level.
+    fn search(
+        &mut self,
+        (first, second): (&Image, &Image),
+        x: [f64; 2],
+        at: [f64; 2],
+        epsilon: f64,
+        slack: f64,
+    ) -> Tracked {
+        let side = self.window.side();
+        let area = (side * side) as f64;
+        let radius = (side / 2) as f64;
+        let window_at = |image, p: [f64; 2]| place(image, p[0] - radius, p[1] - radius);
+        let [xx, xy, yy] = kernels::flow_window(window_at(first, x), &mut self.window);
+        let (mean, half) = ((xx + yy) / 2.0, (xx - yy) / 2.0);
+        let min_eigen = (mean - (half * half + xy * xy).sqrt()) / area;
+        let mut found = Tracked {
+            at,
+            status: PointStatus::Flat,
+            residual: f64::INFINITY,
+            min_eigen,
+        };
+        let determinant = xx * yy - xy * xy;
+        // Also when it is not a number.
+        if !(min_eigen >= self.params.klt_min_eigen && determinant > 0.0) {
+            return found;
+        }
+        found.status = PointStatus::Outside;
+        if !inside(second, at, slack) {
+            return found;
+        }
+        let mut last = [0.0; 2];
+        for _ in 0..self.params.klt_iters {
+            let place = window_at(second, found.at);
+            let [cols, rows] = place.valid(side, side);
+            if ((cols.len() * rows.len()) as f64) < MIN_INSIDE * area {
+                return found;
+            }
+            let [bx, by] = kernels::flow_mismatch(place, &self.window);
+            let step = [
+                (yy * bx - xy * by) / determinant,
+                (xx * by - xy * bx) / determinant,
+            ];
+            let undone = [last[0] + step[0], last[1] + step[1]];
+            let share = if last != [0.0; 2] && undone[0].hypot(undone[1]) < OSCILLATION {
+                0.5
+            } else {
+                1.0
+            };
+            found.at = [found.at[0] + share * step[0], found.at[1] + share * step[1]];
+            if !inside(second, found.at, slack) {
+                return found;
+            }
+            if share < 1.0 || step[0] * step[0] + step[1] * step[1] < epsilon * epsilon {
+                break;
+            }
+            last = step;
+        }
+        found.status = PointStatus::Tracked;
+        found.residual = kernels::flow_residual(window_at(second, found.at), &self.window);
+        found
+    }
+
+    /// Squared distance, px², by which each point misses its origin when it is tracked back from `second` to `first`;
+    /// infinite for points that are lost on the way.
+    pub fn forward_backward(
+        &mut self,
+        first: &Frame,
+        second: &Frame,
+        from: &[[f64; 2]],
+        tracked: &[Tracked],
+        out: &mut Vec<f64>,
+    ) {
+        let mut ahead = std::mem::take(&mut self.ahead);
+        let mut back = std::mem::take(&mut self.back);
+        ahead.clear();
+        ahead.extend(tracked.iter().map(|t| t.at));
+        self.track(second, first, &ahead, &mut back);
+        out.clear();
+        out.extend(from.iter().zip(tracked).zip(&back).map(|((x, t), b)| {
+            if t.ok() && b.ok() {
+                (b.at[0] - x[0]).powi(2) + (b.at[1] - x[1]).powi(2)
+            } else {
+                f64::INFINITY
+            }
+        }));
+        (self.ahead, self.back) = (ahead, back);
+    }
+
+    /// Bytes kept between frames.
+    pub fn memory(&self) -> usize {
+        let side = self.window.side();
+        16 * side * (side + 8) + 64 * self.back.capacity()
+    }
+}
+
+/// Whether a point is in the image, or outside by no more than `slack` px.
+fn inside(image: &Image, [x, y]: [f64; 2], slack: f64) -> bool {
+    let within = |v: f64, n: usize| v >= -slack && v <= (n - 1) as f64 + slack;
+    within(x, image.width()) && within(y, image.height())
+}
+
+fn place(image: &Image, x: f64, y: f64) -> Place<'_> {
+    Place::new(
+        image.plane(0),
+        image.width(),
+        image.height(),
+        image.stride(),
+        x,
+        y,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Smooth texture of several wavelengths at `(x, y)`.
+    fn texture(x: f64, y: f64) -> f64 {
+        let wave = |a: f64, b: f64, c: f64| libm::sin(a * x + b * y + c);
+        128.0
+            + 30.0 * wave(0.21, 0.13, 0.4)
+            + 25.0 * wave(-0.11, 0.27, 1.9)
+            + 25.0 * wave(0.033, -0.041, 2.2)
+            + 20.0 * wave(0.051, 0.024, 0.7)
+            + 15.0 * wave(0.4, -0.33, 5.0)
+    }
+
+    /// The texture seen through `p -> a p + t` (row-major `a`): what is at `x` in the first frame is at `a x + t`.
+    fn frame(a: [f64; 4], t: [f64; 2]) -> Frame {
+        let det = a[0] * a[3] - a[1] * a[2];
+        Frame::from_gray(Image::from_fn(320, 240, |x, y| {
+            let (u, v) = (x as f64 - t[0], y as f64 - t[1]);
+            texture((a[3] * u - a[1] * v) / det, (a[0] * v - a[2] * u) / det) as f32
+        }))
+    }
+
+    const IDENTITY: [f64; 4] = [1.0, 0.0, 0.0, 1.0];
+
+    fn grid() -> Vec<[f64; 2]> {
+        (0..100)
+            .map(|i| [80.3 + 16.0 * f64::from(i % 10), 60.7 + 12.0 * f64::from(i / 10)])
+            .collect()
+    }
+
+    #[test]
+    fn translations_are_found() {
+        let first = frame(IDENTITY, [0.0; 2]);
+        for t in [[0.3, -0.7], [3.4, 2.2], [-11.6, 7.3], [24.5, -18.25]] {
+            let second = frame(IDENTITY, t);
+            let (mut klt, mut out, mut back) = (Klt::new(KltParams::default()), Vec::new(), Vec::new());
+            klt.track(&first, &second, &grid(), &mut out);
+            for (x, p) in grid().iter().zip(&out) {
+                assert!(p.ok(), "{t:?} {p:?}");
+                let miss = (p.at[0] - x[0] - t[0]).hypot(p.at[1] - x[1] - t[1]);
+                assert!(miss < 0.05 && p.residual < 2.0, "{t:?} {miss} {p:?}");
+            }
+            klt.forward_backward(&first, &second, &grid(), &out, &mut back);
+            assert!(back.iter().all(|d| *d < 0.05 * 0.05), "{back:?}");
+        }
+    }
+
+    #[test]
+    fn affine_motion_moves_the_centres_of_windows() {
+        let a = [1.02, -0.03, 0.025, 0.985];
+        let t = [2.0, -5.0];
+        let (first, second) = (frame(IDENTITY, [0.0; 2]), frame(a, t));
+        let (mut klt, mut out) = (Klt::new(KltParams::default()), Vec::new());
+        klt.track(&first, &second, &grid(), &mut out);
+        let misses: Vec<f64> = grid()
+            .iter()
+            .zip(&out)
+            .map(|(x, p)| {
+                assert!(p.ok());
+                let want = [a[0] * x[0] + a[1] * x[1] + t[0], a[2] * x[0] + a[3] * x[1] + t[1]];
+                (p.at[0] - want[0]).hypot(p.at[1] - want[1])
+            })
+            .collect();
+        let mean = misses.iter().sum::<f64>() / 100.0;
+        assert!(mean < 0.05, "{mean} {misses:?}");
+    }
+
+    #[test]
+    fn the_pyramid_reaches_farther() {
+        let (first, second) = (frame(IDENTITY, [0.0; 2]), frame(IDENTITY, [22.0, 9.0]));
+        let found = |klt_levels| {
+            let mut klt = Klt::new(KltParams {
+                klt_levels,
+                ..KltParams::default()
+            });
+            let mut out = Vec::new();
+            klt.track(&first, &second, &grid(), &mut out);
+            let near = |(x, p): &(&[f64; 2], &Tracked)| {
+                p.ok() && (p.at[0] - x[0] - 22.0).hypot(p.at[1] - x[1] - 9.0) < 0.1
+            };
+            grid().iter().zip(&out).filter(near).count()
+        };
+        let counts = [found(0), found(4)];
+        assert!(counts[0] < 60 && counts[1] == 100, "{counts:?}");
+    }
+
+    #[test]
+    fn lost_points_say_why() {
+        let (first, second) = (frame(IDENTITY, [0.0; 2]), frame(IDENTITY, [30.0, 0.0]));
+        let flat = Frame::from_gray(Image::from_fn(320, 240, |_, _| 90.0));
+        let edge = Frame::from_gray(Image::from_fn(
+            320,
+            240,
+            |x, _| if x < 160 { 20.0 } else { 200.0 },
+        ));
+        let mut klt = Klt::new(KltParams::default());
+        let mut status = |a: &Frame, b: &Frame, x| klt.track_point(a, b, x, x).status;
+        assert_eq!(status(&first, &second, [308.0, 120.0]), PointStatus::Outside);
+        assert_eq!(status(&first, &second, [-1.0, 120.0]), PointStatus::Outside);
+        assert_eq!(status(&first, &second, [f64::NAN, 120.0]), PointStatus::Outside);
+        assert_eq!(status(&flat, &flat, [160.0, 120.0]), PointStatus::Flat);
+        // Along an edge nothing holds it.
+        assert_eq!(status(&edge, &edge, [160.0, 120.0]), PointStatus::Flat);
+        // Next to the border the part of the window inside suffices.
+        assert_eq!(status(&first, &first, [2.0, 2.0]), PointStatus::Outside);
+        assert_eq!(status(&first, &first, [6.0, 120.0]), PointStatus::Tracked);
+        let tiny = Frame::from_gray(Image::from_fn(9, 7, |x, y| (x * y) as f32));
+        assert!(!klt.track_point(&tiny, &tiny, [4.0, 3.0], [4.0, 3.0]).at[0].is_nan());
+    }
+
+    /// Prints the time of 100 points: `cargo test --release -- --ignored --nocapture klt`.
+    #[test]
+    #[ignore = "prints a time"]
+    fn time_of_100_points() {
+        let (first, second) = (frame(IDENTITY, [0.0; 2]), frame(IDENTITY, [3.4, 2.2]));
+        for klt_levels in [0, 3, 4] {
+            let mut klt = Klt::new(KltParams {
+                klt_levels,
+                ..KltParams::default()
+            });
+            let mut out = Vec::new();
+            let times = (0..200).map(|_| {
+                let start = std::time::Instant::now();
+                klt.track(&first, &second, &grid(), &mut out);
+                start.elapsed()
+            });
+            println!("100 points, levels 0..={klt_levels}: {:?}", times.skip(1).min());
+        }
+    }
+}

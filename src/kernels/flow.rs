@@ -1,0 +1,392 @@
+//! Windows of sparse optical flow: bilinear values at one common fraction of a pixel, Scharr gradients, and the
+//! products that a Lucas-Kanade step needs.
+
+use super::{Lanes, WIDTH, dispatch};
+
+/// One plane of an image and a window's place in it.
+#[derive(Clone, Copy, Debug)]
+pub struct Place<'a> {
+    /// Elements, rows `stride` apart, one row more than `height`.
+    pub data: &'a [f32],
+    /// Width, px.
+    pub width: usize,
+    /// Height, px.
+    pub height: usize,
+    /// Elements between the starts of two rows, more than `width`.
+    pub stride: usize,
+    /// Upper left pixel of the window, whole numbers in `f64` range of the image plus the window.
+    pub left: i32,
+    /// See `left`.
+    pub top: i32,
+    /// Fractions of a pixel in `[0, 1)` by which the window lies right of and below that.
+    pub fraction: [f32; 2],
+}
+
+impl<'a> Place<'a> {
+    /// The window whose upper left sample is at `(x, y)` px.
+    pub fn new(data: &'a [f32], width: usize, height: usize, stride: usize, x: f64, y: f64) -> Self {
+        assert!(width > 0 && height > 0 && stride > width && data.len() >= stride * (height + 1));
+        let limit = f64::from(1 << 24);
+        let (left, top) = (x.floor().clamp(-limit, limit), y.floor().clamp(-limit, limit));
+        Place {
+            data,
+            width,
+            height,
+            stride,
+            left: left as i32,
+            top: top as i32,
+            fraction: [
+                (x - left).clamp(0.0, 1.0) as f32,
+                (y - top).clamp(0.0, 1.0) as f32,
+            ],
+        }
+    }
+
+    /// Whether all taps of a `cols x rows` window, columns rounded up to whole lanes, can be loaded.
+    #[inline(always)]
+    fn inside(&self, cols: usize, rows: usize) -> bool {
+        let (left, top) = (self.left as usize, self.top as usize);
+        self.left >= 0 && self.top >= 0 && left + cols < self.width && top + rows < self.height
+    }
+
+    /// Columns and rows of a window whose samples lie in the image.
+    pub fn valid(&self, cols: usize, rows: usize) -> [std::ops::Range<usize>; 2] {
+        let range = |first: i32, fraction: f32, window: usize, size: usize| {
+            let low = (-i64::from(first)).clamp(0, window as i64);
+            let last = size as i64 - 1 - i64::from(first) + i64::from(fraction <= 0.0);
+            low as usize..last.clamp(low, window as i64) as usize
+        };
+        [
+            range(self.left, self.fraction[0], cols, self.width),
+            range(self.top, self.fraction[1], rows, self.height),
+        ]
+    }
+
+    /// Bilinear value of one sample, coordinates clamped to the image.
+    #[inline(always)]
+    fn clamped(&self, col: usize, row: usize) -> f32 {
+        let [dx, dy] = self.fraction;
+        let at = |x: i32, n: usize| x.clamp(0, n as i32 - 1) as usize;
+        let (x, y) = (self.left + col as i32, self.top + row as i32);
+        let (x0, x1) = (at(x, self.width), at(x + 1, self.width));
+        let (y0, y1) = (at(y, self.height), at(y + 1, self.height));
+        let p = |x: usize, y: usize| self.data[y * self.stride + x];
+        let upper = dx.mul_add(p(x1, y0) - p(x0, y0), p(x0, y0));
+        let lower = dx.mul_add(p(x1, y1) - p(x0, y1), p(x0, y1));
+        dy.mul_add(lower - upper, upper)
+    }
+}
+
+/// Columns rounded up to whole lanes.
+pub fn padded(cols: usize) -> usize {
+    cols.next_multiple_of(WIDTH)
+}
+
+/// A window of the first image, its gradient and the gradient's products: `padded(side)` columns, `side` rows. Beyond
+/// `side` columns and outside the image the gradient is zero.
+#[derive(Clone, Debug, Default)]
+pub struct FlowWindow {
+    side: usize,
+    values: Vec<f32>,
+    gx: Vec<f32>,
+    gy: Vec<f32>,
+    /// Values one sample beyond the window on every side.
+    wide: Vec<f32>,
+}
+
+impl FlowWindow {
+    /// For windows of `side x side` samples.
+    pub fn new(side: usize) -> Self {
+        let n = padded(side) * side;
+        FlowWindow {
+            side,
+            values: vec![0.0; n],
+            gx: vec![0.0; n],
+            gy: vec![0.0; n],
+            wide: vec![0.0; (padded(side) + WIDTH) * (side + 2)],
+        }
+    }
+
+    /// Samples per side.
+    pub fn side(&self) -> usize {
+        self.side
+    }
+}
+
+dispatch! {
+    /// Fills `window` with the bilinear values at a place and their Scharr gradient; returns the sums of `gx²`, `gx gy`, `gy²`.
+    pub fn flow_window(place: Place<'_>, window: &mut FlowWindow) -> [f64; 3] = window_lanes;
+    /// `(Σ d gx, Σ d gy)`, `d` the window's values less those at another place (zero outside the image).
+    pub fn flow_mismatch(place: Place<'_>, window: &FlowWindow) -> [f64; 2] = mismatch_lanes;
+}
+
+/// Mean of `|d|` over the samples inside the image, `d` as in [`flow_mismatch`]; infinite when there are none.
+pub fn flow_residual(place: Place<'_>, window: &FlowWindow) -> f64 {
+    let (n, stride) = (window.side, padded(window.side));
+    let [cols, rows] = place.valid(n, n);
+    let count = cols.len() * rows.len();
+    let mut sum = 0.0;
+    for row in rows {
+        for col in cols.clone() {
+            sum += f64::from((window.values[row * stride + col] - place.clamped(col, row)).abs());
+        }
+    }
+    if count > 0 {
+        sum / count as f64
+    } else {
+        f64::INFINITY
+    }
+}
+
+/// `[a b; c d]` interpolated at the fractions.
+#[inline(always)]
+fn bilinear<V: Lanes>(upper: &[f32], lower: &[f32], i: usize, dx: V, dy: V) -> V {
+    let (a, b) = (
+        V::load(&upper[i..i + WIDTH]),
+        V::load(&upper[i + 1..i + 1 + WIDTH]),
+    );
+    let (c, d) = (
+        V::load(&lower[i..i + WIDTH]),
+        V::load(&lower[i + 1..i + 1 + WIDTH]),
+    );
+    let upper = dx.mul_add(b.sub(a), a);
+    let lower = dx.mul_add(d.sub(c), c);
+    dy.mul_add(lower.sub(upper), upper)
+}
+
+#[inline(always)]
+fn window_lanes<V: Lanes>(place: Place<'_>, window: &mut FlowWindow) -> [f64; 3] {
+    let FlowWindow {
+        side,
+        values,
+        gx,
+        gy,
+        wide,
+    } = window;
+    let side = *side;
+    let (cols, across) = (padded(side), padded(side) + WIDTH);
+    let around = Place {
+        left: place.left - 1,
+        top: place.top - 1,
+        ..place
+    };
+    if around.inside(side + 2, side + 2) {
+        let [dx, dy] = place.fraction.map(V::splat);
+        for (row, out) in wide.chunks_exact_mut(across).enumerate() {
+            let at = (around.top as usize + row) * place.stride + around.left as usize;
+            // Past the end of a row come other pixels of the plane, or nothing that is used.
+            let end = |from: usize| (from + across + 1).min(place.data.len());
+            let upper = &place.data[at..end(at)];
+            let lower = &place.data[at + place.stride..end(at + place.stride)];
+            let mut i = 0;
+            while i < side + 2 {
+                if i + WIDTH < upper.len().min(lower.len()) {
+                    bilinear(upper, lower, i, dx, dy).store(&mut out[i..i + WIDTH]);
+                } else {
+                    for (k, v) in out[i..i + WIDTH].iter_mut().enumerate() {
+                        *v = around.clamped(i + k, row);
+                    }
+                }
+                i += WIDTH;
+            }
+        }
+    } else {
+        for (row, out) in wide.chunks_exact_mut(across).enumerate() {
+            for (col, v) in out[..side + 2].iter_mut().enumerate() {
+                *v = around.clamped(col, row);
+            }
+        }
+    }
+    let [valid_cols, valid_rows] = place.valid(side, side);
+    let (smooth, middle, half) = (V::splat(3.0 / 16.0), V::splat(10.0 / 16.0), V::splat(0.5));
+    let zero = V::splat(0.0);
+    let (mut xx, mut xy, mut yy) = (zero, zero, zero);
+    for row in 0..side {
+        let line = |k: usize| &wide[(row + k) * across..(row + k + 1) * across];
+        let (above, here, below) = (line(0), line(1), line(2));
+        let inside = if valid_rows.contains(&row) { 1.0 } else { 0.0 };
+        let mut i = 0;
+        while i < cols {
+            let mut mask = [0.0; WIDTH];
+            for (k, m) in mask.iter_mut().enumerate() {
+                if valid_cols.contains(&(i + k)) {
+                    *m = inside;
+                }
+            }
+            let mask = V::from_array(mask);
+            let at = |l: &[f32], k: usize| V::load(&l[i + k..i + k + WIDTH]);
+            let down = |k: usize| at(below, k).sub(at(above, k));
+            let column = |k: usize| {
+                at(above, k)
+                    .add(at(below, k))
+                    .mul_add(smooth, at(here, k).mul(middle))
+            };
+            let x = column(2).sub(column(0)).mul(half).mul(mask);
+            let y = down(0).add(down(2)).mul_add(smooth, down(1).mul(middle));
+            let y = y.mul(half).mul(mask);
+            let o = row * cols + i;
+            at(here, 1).store(&mut values[o..o + WIDTH]);
+            x.store(&mut gx[o..o + WIDTH]);
+            y.store(&mut gy[o..o + WIDTH]);
+            xx = x.mul_add(x, xx);
+            xy = x.mul_add(y, xy);
+            yy = y.mul_add(y, yy);
+            i += WIDTH;
+        }
+    }
+    [xx.sum(), xy.sum(), yy.sum()]
+}
+
+#[inline(always)]
+fn mismatch_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow) -> [f64; 2] {
+    let (side, cols) = (window.side, padded(window.side));
+    if !place.inside(cols, side) {
+        return mismatch_at_border(place, window);
+    }
+    let [dx, dy] = place.fraction.map(V::splat);
+    let (mut bx, mut by) = (V::splat(0.0), V::splat(0.0));
+    for row in 0..side {
+        let at = (place.top as usize + row) * place.stride + place.left as usize;
+        let upper = &place.data[at..at + cols + 1];
+        let lower = &place.data[at + place.stride..at + place.stride + cols + 1];
+        let line = row * cols..(row + 1) * cols;
+        let (t, gx, gy) = (
+            &window.values[line.clone()],
+            &window.gx[line.clone()],
+            &window.gy[line],
+        );
+        let mut i = 0;
+        while i < cols {
+            let d = V::load(&t[i..i + WIDTH]).sub(bilinear(upper, lower, i, dx, dy));
+            bx = d.mul_add(V::load(&gx[i..i + WIDTH]), bx);
+            by = d.mul_add(V::load(&gy[i..i + WIDTH]), by);
+            i += WIDTH;
+        }
+    }
+    [bx.sum(), by.sum()]
+}
+
+fn mismatch_at_border(place: Place<'_>, window: &FlowWindow) -> [f64; 2] {
+    let (side, stride) = (window.side, padded(window.side));
+    let [cols, rows] = place.valid(side, side);
+    let mut b = [0.0; 2];
+    for row in rows {
+        for col in cols.clone() {
+            let i = row * stride + col;
+            let d = f64::from(window.values[i] - place.clamped(col, row));
+            b[0] += d * f64::from(window.gx[i]);
+            b[1] += d * f64::from(window.gy[i]);
+        }
+    }
+    b
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Image;
+    use crate::kernels::Portable;
+    use proptest::prelude::*;
+
+    fn place(image: &Image, x: f64, y: f64) -> Place<'_> {
+        Place::new(
+            image.plane(0),
+            image.width(),
+            image.height(),
+            image.stride(),
+            x,
+            y,
+        )
+    }
+
+    /// Value at clamped coordinates, in `f64`.
+    fn value(image: &Image, x: f64, y: f64) -> f64 {
+        let (x, y) = (
+            x.clamp(0.0, image.width() as f64 - 1.0),
+            y.clamp(0.0, image.height() as f64 - 1.0),
+        );
+        let (lx, ly) = (x.floor(), y.floor());
+        let p = |i: f64, j: f64| {
+            let x = (lx + i).min(image.width() as f64 - 1.0) as usize;
+            let y = (ly + j).min(image.height() as f64 - 1.0) as usize;
+            f64::from(image.get(0, x, y))
+        };
+        let (dx, dy) = (x - lx, y - ly);
+        (1.0 - dy) * ((1.0 - dx) * p(0.0, 0.0) + dx * p(1.0, 0.0))
+            + dy * ((1.0 - dx) * p(0.0, 1.0) + dx * p(1.0, 1.0))
+    }
+
+    proptest! {
+        #[test]
+        fn agree_with_f64_and_between_instruction_sets(
+            side in (1usize..14).prop_map(|r| 2 * r + 1), w in 20usize..60, h in 20usize..60,
+            from in (-10.0f64..50.0, -10.0f64..50.0), shift in (-3.0f64..3.0, -3.0f64..3.0),
+        ) {
+            let image = Image::from_fn(w, h, |x, y| ((x * 7919 + y * 104_729) % 251) as f32);
+            let mut window = FlowWindow::new(side);
+            let at = place(&image, from.0, from.1);
+            let g = flow_window(at, &mut window);
+            let mut portable = FlowWindow::new(side);
+            prop_assert_eq!(g, window_lanes::<Portable>(at, &mut portable));
+            prop_assert_eq!((&window.values, &window.gx, &window.gy), (&portable.values, &portable.gx, &portable.gy));
+            let to = place(&image, from.0 + shift.0, from.1 + shift.1);
+            let b = flow_mismatch(to, &window);
+            prop_assert_eq!(b, mismatch_lanes::<Portable>(to, &window));
+
+            let inside = |x: f64, y: f64| x >= 0.0 && y >= 0.0 && x <= (w - 1) as f64 && y <= (h - 1) as f64;
+            let (mut gg, mut bb, mut size) = ([0.0; 3], [0.0; 2], 1.0);
+            for row in 0..side {
+                for col in 0..side {
+                    let (x, y) = (from.0 + col as f64, from.1 + row as f64);
+                    let v = |i: i32, j: i32| value(&image, x + f64::from(i), y + f64::from(j));
+                    let k = row * padded(side) + col;
+                    if inside(x, y) {
+                        prop_assert!((f64::from(window.values[k]) - v(0, 0)).abs() < 0.01);
+                    }
+                    // Clamping sample by sample is not clamping the window at fractions of a pixel.
+                    if !(inside(x - 1.0, y - 1.0) && inside(x + 1.0, y + 1.0)) {
+                        continue;
+                    }
+                    let d = |a: f64, b: f64, c: f64| (3.0 * a + 10.0 * b + 3.0 * c) / 32.0;
+                    let gx = d(v(1, -1) - v(-1, -1), v(1, 0) - v(-1, 0), v(1, 1) - v(-1, 1));
+                    let gy = d(v(-1, 1) - v(-1, -1), v(0, 1) - v(0, -1), v(1, 1) - v(1, -1));
+                    prop_assert!((f64::from(window.gx[k]) - gx).abs() < 0.01, "{} {}", window.gx[k], gx);
+                    prop_assert!((f64::from(window.gy[k]) - gy).abs() < 0.01);
+                }
+            }
+            for row in 0..side {
+                for col in 0..side {
+                    let k = row * padded(side) + col;
+                    let (gx, gy) = (f64::from(window.gx[k]), f64::from(window.gy[k]));
+                    gg[0] += gx * gx;
+                    gg[1] += gx * gy;
+                    gg[2] += gy * gy;
+                    let (x, y) = (from.0 + shift.0 + col as f64, from.1 + shift.1 + row as f64);
+                    if inside(x, y) {
+                        let d = f64::from(window.values[k]) - value(&image, x, y);
+                        bb[0] += d * gx;
+                        bb[1] += d * gy;
+                        size += (d * gx).abs() + (d * gy).abs();
+                    }
+                }
+            }
+            for k in 0..3 {
+                prop_assert!((g[k] - gg[k]).abs() < 1e-4 * (1.0 + gg[0] + gg[2]));
+            }
+            for k in 0..2 {
+                prop_assert!((b[k] - bb[k]).abs() < 1e-4 * size, "{:?} {:?}", b, bb);
+            }
+        }
+    }
+
+    #[test]
+    fn residual_and_valid_samples() {
+        let image = Image::from_fn(40, 30, |x, _| x as f32);
+        let mut window = FlowWindow::new(5);
+        flow_window(place(&image, 10.0, 10.0), &mut window);
+        assert!((flow_residual(place(&image, 12.5, 10.0), &window) - 2.5).abs() < 1e-5);
+        assert_eq!(flow_residual(place(&image, 80.0, 10.0), &window), f64::INFINITY);
+        assert_eq!(place(&image, -2.0, 27.0).valid(5, 5), [2..5, 0..3]);
+        assert_eq!(place(&image, -2.5, 27.5).valid(5, 5), [3..5, 0..2]);
+    }
+}
