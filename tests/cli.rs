@@ -393,7 +393,9 @@ fn truth_is_fitted_with_a_warp_of_fewer_degrees_of_freedom() {
         let mut command = program(dir.path());
         let output = command.args(run.split(' ')).args(extra).assert().success();
         let summary: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
-        summary["trackers"][0]["summary"][0]["al_mean"].as_f64().unwrap()
+        summary["trackers"][0]["aggregates"][0]["al_mean"]
+            .as_f64()
+            .unwrap()
     };
     // The sequence turns by up to 25 degrees, which a shift cannot follow.
     let (plain, fitted) = (mean(&[]), mean(&["--gt-ssm", "translation"]));
