@@ -17,6 +17,9 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::Serialize;
 
+/// Tolerance of gradients: patches are single precision.
+const SINGLE: f64 = 1e-5;
+
 /// One comparison.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Check {
@@ -178,7 +181,7 @@ pub fn appearance_with(
         check(
             format!("df/d({name})"),
             relative(g.iter().map(|&g| g.into()).zip(numeric)),
-            1e-6,
+            SINGLE,
         );
 
         // Fourth-order differences: truncation and rounding both stay below single precision.
@@ -223,7 +226,7 @@ pub fn appearance_with(
                 })
                 .collect();
             let pairs = both.gradient.iter().copied().zip(numeric);
-            check(format!("gradient with {what} ({name})"), relative(pairs), 2e-6);
+            check(format!("gradient with {what} ({name})"), relative(pairs), SINGLE);
             check(
                 format!("{what} with gradient ({name})"),
                 relative_matrix(&both.hessian, &analytic),
