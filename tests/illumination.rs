@@ -8,7 +8,7 @@ use mtf_eval::dataset;
 use mtf_eval::diagnose::Waves;
 use mtf_eval::eval::error::frame_error;
 use mtf_eval::geom::{Corners, Mat3, homography};
-use mtf_eval::ilm::{Gb, ILMS, IlluminationModel, Rbf};
+use mtf_eval::ilm::{Gb, ILMS, Rbf};
 use mtf_eval::image::{Decoded, Frame, Image, parse_preprocessor};
 use mtf_eval::prelude::*;
 use mtf_eval::tracker::{Stop, Tracker};
@@ -148,17 +148,9 @@ fn every_combination_with_illumination_recovers_small_motion() {
                     continue;
                 };
                 tracker.init(&still, &quad()).unwrap();
-                let update = match tracker.update(&next) {
-                    Ok(u) => u,
-                    Err(e) => {
-                        eprintln!("BAD {spec}: {e}");
-                        continue;
-                    }
-                };
+                let update = tracker.update(&next).unwrap_or_else(|e| panic!("{spec}: {e}"));
                 let error = alignment_error(&update.corners, &truth);
-                if error >= 0.1 {
-                    eprintln!("BAD {spec}: {error} px after {}", update.iterations);
-                }
+                assert!(error < 0.1, "{spec}: {error} px after {}", update.iterations);
                 tracked += 1;
             }
         }
@@ -191,7 +183,16 @@ fn every_hessian_and_option_works_with_illumination() {
                 ",pgb_bias=region",
             ] {
                 for models in ["ssd+gb/homography", "ssd+pgb/affine", "ssim+rbf/homography"] {
-                    if options.contains("pgb") != models.contains("pgb") && options.contains("pgb") {
+                    let fits = match options {
+                        ",pgb_bias=region" => models.contains("pgb"),
+                        // The exact Hessian of SSIM need not be definite away from the maximum.
+                        ",second_order=1" => models.contains("ssd"),
+                        _ => true,
+                    };
+                    // Gain and bias of a small region are nearly alike: with the template's Hessian a forward step misjudges
+                    // them by more than it gains.
+                    let forward = ["falk", "fclk"].contains(&sm) && hess == "initial_self";
+                    if !fits || (options == ",pgb_bias=region" && forward) {
                         continue;
                     }
                     let id = format!("{sm}/{models}{{hess={hess},max_iters=100,epsilon=1e-9{options}}}");
@@ -199,19 +200,11 @@ fn every_hessian_and_option_works_with_illumination() {
                     let Ok(spec) = registry.parse(&id) else { continue };
                     let mut tracker = registry.build(&spec).unwrap();
                     tracker.init(&still, &quad()).unwrap();
-                    let update = match tracker.update(&next) {
-                        Ok(u) => u,
-                        Err(e) => {
-                            eprintln!("BAD {id}: {e}");
-                            continue;
-                        }
-                    };
+                    let update = tracker.update(&next).unwrap_or_else(|e| panic!("{id}: {e}"));
                     let error = alignment_error(&update.corners, &truth);
                     // An affine warp follows a homography as far as it can.
                     let enough = if models.ends_with("affine") { 1.5 } else { 0.05 };
-                    if error >= enough {
-                        eprintln!("BAD {id}: {error} px after {}", update.iterations);
-                    }
+                    assert!(error < enough, "{id}: {error} px after {}", update.iterations);
                 }
             }
         }
@@ -226,16 +219,19 @@ fn levenberg_marquardt_restores_the_light() {
     let mut taken_back = 0;
     for seed in 0..12 {
         let next = moved(&waves, SIZE, &perturbation(&quad(), 20.0, &mut common::rng(seed)));
-        let mut tracker =
-            Esm::new(Ssd::default(), Homography::new()).with_illumination(Box::new(Rbf::default()));
-        tracker.params.leven_marq = true;
-        tracker.params.max_iters = 1;
-        tracker.init(&still, &quad()).unwrap();
-        if tracker.update(&next).is_ok() {
-            let back = alignment_error(&tracker.corners(), &quad()) == 0.0;
-            let light = tracker.illumination().unwrap().state();
-            assert_eq!(back, light.iter().all(|a| *a == 0.0));
-            taken_back += usize::from(back);
+        let after = |iterations: usize| {
+            let mut tracker =
+                Esm::new(Ssd::default(), Homography::new()).with_illumination(Box::new(Rbf::default()));
+            tracker.params.leven_marq = true;
+            tracker.params.max_iters = iterations;
+            tracker.init(&still, &quad()).unwrap();
+            tracker.update(&next).ok()?;
+            Some((tracker.corners(), tracker.illumination()?.state().to_vec()))
+        };
+        let states: Vec<_> = (1..10).map_while(after).collect();
+        for pair in states.windows(2) {
+            assert_eq!(pair[0].0 == pair[1].0, pair[0].1 == pair[1].1, "seed {seed}");
+            taken_back += usize::from(pair[0] == pair[1]);
         }
     }
     assert!(taken_back > 0);
@@ -398,9 +394,7 @@ fn success(sequence: &str, ids: &[&str]) -> Vec<f64> {
             if i == 0 {
                 tracker.init(&frame, &truth).unwrap();
             } else if let Ok(update) = tracker.update(&frame) {
-                let e = frame_error(&update.corners, &truth).al;
-                eprintln!("F {i} {e:.2} {}", update.iterations);
-                *good += usize::from(e <= 5.0);
+                *good += usize::from(frame_error(&update.corners, &truth).al <= 5.0);
             }
         }
     }
