@@ -36,7 +36,7 @@ crate::params! {
         /// The map is interpolated between the centres of the bins.
         weighted: bool = false;
         /// How far the contrast that misalignment takes from an expectation is restored: 0 not at all, 1 fully.
-        contrast: f64 = 0.7, in 0.0..=1.0;
+        contrast: f64 = 0.6, in 0.0..=1.0;
         /// The map is computed in the first iteration of each frame only.
         once_per_frame: bool = false;
         /// The slope of the map enters the derivatives.
@@ -62,7 +62,7 @@ crate::params! {
         /// The maps are interpolated between the centres of the bins.
         weighted: bool = false;
         /// How far the contrast that misalignment takes from an expectation is restored: 0 not at all, 1 fully.
-        contrast: f64 = 0.7, in 0.0..=1.0;
+        contrast: f64 = 0.6, in 0.0..=1.0;
         /// The maps are computed in the first iteration of each frame only.
         once_per_frame: bool = false;
         /// The slopes of the maps enter the derivatives.
