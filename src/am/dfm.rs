@@ -318,7 +318,7 @@ impl AppearanceModel for Dfm {
         );
     }
     fn likelihood(&self) -> f64 {
-        (-self.params.likelihood_alpha * self.ssd / self.residual.len() as f64).exp()
+        libm::exp(-self.params.likelihood_alpha * self.ssd / self.residual.len() as f64)
     }
     fn feature_len(&self) -> usize {
         self.residual.len()

@@ -338,7 +338,7 @@ impl<V: Variant> AppearanceModel for ConditionalVariance<V> {
         }
     }
     fn likelihood(&self) -> f64 {
-        (-self.options.likelihood_alpha * (0.5 * self.ssd / self.template.len() as f64).sqrt()).exp()
+        libm::exp(-self.options.likelihood_alpha * (0.5 * self.ssd / self.template.len() as f64).sqrt())
     }
     fn feature_len(&self) -> usize {
         self.template.len()
