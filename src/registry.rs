@@ -543,17 +543,18 @@ impl Registry {
     }
 
     fn parse_with(&self, text: &str, set: &[(String, String)]) -> Result<TrackerSpec, SpecError> {
-        let lower = text.to_ascii_lowercase();
         let syntax = |at: usize, expected: &str| SpecError::Syntax {
             text: text.to_owned(),
             at,
             expected: expected.to_owned(),
         };
-        let (names, braces) = match lower.find('{') {
-            Some(open) if lower.ends_with('}') => (&lower[..open], &lower[open + 1..lower.len() - 1]),
-            Some(_) => return Err(syntax(lower.len(), "'}'")),
-            None => (&lower[..], ""),
+        let (names, braces) = match text.find('{') {
+            Some(open) if text.ends_with('}') => (&text[..open], &text[open + 1..text.len() - 1]),
+            Some(_) => return Err(syntax(text.len(), "'}'")),
+            None => (text, ""),
         };
+        // Values keep their case: some are paths.
+        let names = names.to_ascii_lowercase();
         let named: Vec<&str> = names.split('/').map(str::trim).collect();
         let [sm, am, ssm] = named[..] else {
             let at = names.match_indices('/').nth(2).map_or(names.len(), |(i, _)| i);
@@ -586,9 +587,10 @@ impl Registry {
             let (name, value) = item
                 .split_once('=')
                 .ok_or_else(|| syntax(at + item.len(), "'=' and a value"))?;
+            let name = name.trim().to_ascii_lowercase();
             let bare = parts
-                .resolve(name.trim())
-                .ok_or_else(|| self.unknown_param(name.trim(), &parts.params()))?;
+                .resolve(&name)
+                .ok_or_else(|| self.unknown_param(&name, &parts.params()))?;
             if bare == "channels" && colour && value.trim() != "3" {
                 return Err(ParamError::Value {
                     name: "channels",

@@ -225,7 +225,7 @@ impl AppearanceModel for Ncc {
         }
     }
     fn likelihood(&self) -> f64 {
-        (-2.0 * self.params.likelihood_alpha * (1.0 - self.f)).exp()
+        libm::exp(-2.0 * self.params.likelihood_alpha * (1.0 - self.f).max(0.0))
     }
     fn feature_len(&self) -> usize {
         self.template.len()

@@ -124,7 +124,7 @@ impl AppearanceModel for Nssd {
     }
     fn likelihood(&self) -> f64 {
         let rms = (0.5 * self.k2() * self.ssd / self.template.len() as f64).sqrt();
-        (-self.params.likelihood_alpha * rms).exp()
+        libm::exp(-self.params.likelihood_alpha * rms)
     }
     fn feature_len(&self) -> usize {
         self.template.len()

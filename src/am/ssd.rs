@@ -128,7 +128,7 @@ impl AppearanceModel for Ssd {
         least_squares(j, &self.weights, &self.residual, sign, -1.0, out);
     }
     fn likelihood(&self) -> f64 {
-        (-self.params.likelihood_alpha * (0.5 * self.ssd / self.template.len() as f64).sqrt()).exp()
+        libm::exp(-self.params.likelihood_alpha * (0.5 * self.ssd / self.template.len() as f64).sqrt())
     }
     fn feature_len(&self) -> usize {
         self.template.len()

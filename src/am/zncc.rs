@@ -169,7 +169,7 @@ impl AppearanceModel for Zncc {
         );
     }
     fn likelihood(&self) -> f64 {
-        (-self.params.likelihood_alpha * self.ssd / self.template.len() as f64).exp()
+        libm::exp(-self.params.likelihood_alpha * self.ssd / self.template.len() as f64)
     }
     fn feature_len(&self) -> usize {
         self.template.len()

@@ -19,7 +19,6 @@ mod steepest;
 pub mod stencil;
 mod tone;
 mod warp;
-mod weighted;
 
 pub use blend::{accumulate, product, row_times, scale_shift};
 pub use filter::{Pass, filter_pass, subtract_combination};
@@ -41,4 +40,3 @@ pub use tone::{
     Window, line_shift, line_sums, linear_shift, shifted_residual, step_shift, tone_bins, tone_sums,
 };
 pub use warp::warp_projective;
-pub use weighted::weighted_gram;
