@@ -63,7 +63,7 @@ fn lists_come_from_the_registry() {
         .assert()
         .success()
         .stdout(contains("esm").and(contains("homography")));
-    for what in ["sm", "am", "ssm", "trackers", "params", "metrics"] {
+    for what in ["sm", "am", "ssm", "ilm", "trackers", "params", "metrics"] {
         let output = program(dir.path())
             .args(["list", what, "--format", "json"])
             .output()
