@@ -72,6 +72,8 @@ impl AppearanceModel for GemanMcClure {
             derivatives: true,
             symmetric: true,
             metric: Metric::SquaredL2,
+            gain_bias_invariant: false,
+            masks: false,
         }
     }
     fn set_template(&mut self, _: PatchShape, patch: &[f32]) -> Result<(), TrackError> {

@@ -8,6 +8,7 @@
 use crate::am::{AmEntry, AppearanceModel, Curvature, Normal, PatchShape, Side};
 use crate::geom::solve::SymMatrix;
 use crate::geom::{Corners, homography};
+use crate::ilm::{IlluminationModel, IlmEntry};
 use crate::image::Image;
 use crate::kernels::{self, Border, Grid2, Jacobian, sample_reference};
 use crate::params::{Assignment, ParamError, Resolution};
@@ -16,6 +17,10 @@ use crate::tracker::TrackError;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::Serialize;
+
+mod light;
+pub use light::illumination;
+use light::{random_state, units};
 
 /// Tolerance of gradients: patches are single precision.
 const SINGLE: f64 = 1e-5;
@@ -422,6 +427,7 @@ pub fn warp(
 struct Chain<'a> {
     am: Box<dyn AppearanceModel>,
     ssm: Box<dyn StateSpaceModel>,
+    light: Option<Box<dyn IlluminationModel>>,
     shape: PatchShape,
     template: Vec<f32>,
     gradient0: [Vec<f32>; 2],
@@ -437,6 +443,7 @@ impl<'a> Chain<'a> {
         am: &AmEntry,
         assignments: &[Assignment<'_>],
         ssm: &SsmEntry,
+        ilm: &IlmEntry,
         images: [&'a Image; 2],
         corners: &Corners,
         res: Resolution,
@@ -446,6 +453,10 @@ impl<'a> Chain<'a> {
         let n = shape.len();
         let (mut am, mut ssm) = ((am.build)(assignments)?, (ssm.build)(&[])?);
         ssm.init(corners, res).map_err(&error)?;
+        let mut light = (ilm.build)(&[])?;
+        if let Some(light) = &mut light {
+            light.init(shape, false).map_err(&error)?;
+        }
         let (mut x, mut y) = (vec![0.0; n], vec![0.0; n]);
         let [mut template, mut gx, mut gy] = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
         ssm.warp_into(&mut x, &mut y);
@@ -464,6 +475,7 @@ impl<'a> Chain<'a> {
         Ok(Chain {
             am,
             ssm,
+            light,
             shape,
             template,
             gradient0: [gx, gy],
@@ -471,8 +483,13 @@ impl<'a> Chain<'a> {
         })
     }
 
-    /// Samples the current image at the present state; returns points and image gradient.
-    fn sample(&mut self) -> [Vec<f32>; 4] {
+    /// Number of parameters: the warp's, then those of the illumination.
+    fn dof(&self) -> usize {
+        self.ssm.dof() + self.light.as_ref().map_or(0, |l| l.dof())
+    }
+
+    /// Samples the current image at the present state; returns points, image gradient and values.
+    fn sample(&mut self) -> [Vec<f32>; 5] {
         let n = self.shape.len();
         let [mut x, mut y, mut v, mut gx, mut gy] = std::array::from_fn(|_| vec![0.0; n]);
         self.ssm.warp_into(&mut x, &mut y);
@@ -486,24 +503,37 @@ impl<'a> Chain<'a> {
             &mut gy,
         );
         self.am.begin_frame();
-        self.am.set_current(&v);
-        [x, y, gx, gy]
+        match &self.light {
+            Some(light) => {
+                let mut lit = v.clone();
+                light.light(&v, &mut lit);
+                self.am.set_current(&lit);
+            }
+            None => self.am.set_current(&v),
+        }
+        [x, y, gx, gy, v]
     }
 
     /// `f` at the present state moved by an increment, in `f64`; the state is left as it was.
     fn reference(&mut self, how: Increment, delta: &[f64]) -> Result<f64, TrackError> {
         let p = self.ssm.state().to_vec();
+        let (delta, change) = delta.split_at(p.len());
         self.ssm.update(how, delta)?;
         let value = |i: usize| {
             let [x, y] = self.ssm.point(i);
             sample_reference::bilinear(&plane(self.image), x, y)
         };
-        let current: Vec<f64> = (0..self.shape.len()).map(value).collect();
+        let mut current: Vec<f64> = (0..self.shape.len()).map(value).collect();
         self.ssm.set_state(&p)?;
+        if let Some(light) = &self.light {
+            let a: Vec<f64> = light.state().iter().zip(change).map(|(a, d)| a + d).collect();
+            current = light.reference(&a, &current);
+        }
         Ok(self.am.reference(&wide(&self.template), &current))
     }
 
-    fn jacobian(&self, kind: JacobianKind, [x, y, gx, gy]: &[Vec<f32>; 4]) -> Jacobian {
+    /// Jacobian of a kind; those of the current side with illumination.
+    fn jacobian(&self, kind: JacobianKind, [x, y, gx, gy, v]: &[Vec<f32>; 5]) -> Jacobian {
         let gradient = if kind.of_template() {
             Gradient {
                 x: &self.gradient0[0],
@@ -512,33 +542,51 @@ impl<'a> Chain<'a> {
         } else {
             Gradient { x: gx, y: gy }
         };
-        let mut j = Jacobian::new(self.shape.len(), self.ssm.dof());
+        let mut j = Jacobian::new(self.shape.len(), self.dof());
         self.ssm.jacobian_into(kind, gradient, Points { x, y }, 0, &mut j);
+        if let Some(light) = self.light.as_ref().filter(|_| !kind.of_template()) {
+            light.extend(v, &mut j);
+        }
         j
     }
 }
 
 /// The chain rule end to end on real pixels: `f_t J` of the additive and the compositional increment at a state of
-/// size `state`, against differences of the similarity of the bilinearly sampled image.
+/// size `state`, against differences of the similarity of the bilinearly sampled image; with an illumination model at a
+/// random state of it, of its parameters as well.
+#[allow(clippy::too_many_arguments)]
 pub fn chain(
     am: &AmEntry,
     ssm: &SsmEntry,
+    ilm: &IlmEntry,
     images: [&Image; 2],
     corners: &Corners,
     res: Resolution,
     state: f64,
     seed: u64,
 ) -> Result<Vec<Check>, DiagnoseError> {
-    let subject = format!("{}/{}", am.name, ssm.name);
+    let light = if ilm.is_none() {
+        String::new()
+    } else {
+        format!("+{}", ilm.name)
+    };
+    let subject = format!("{}{light}/{}", am.name, ssm.name);
     let error = failed(&subject);
-    let mut chain = Chain::new(am, am.plain, ssm, images, corners, res)?;
+    let mut chain = Chain::new(am, am.plain, ssm, ilm, images, corners, res)?;
     if !chain.am.capabilities().derivatives {
         return Ok(Vec::new());
     }
     let mut r = Pcg64::seed_from_u64(seed);
-    let s = chain.ssm.dof();
-    let p: Vec<f64> = (0..s).map(|_| state * r.random_range(-1.0..1.0)).collect();
+    let p: Vec<f64> = (0..chain.ssm.dof())
+        .map(|_| state * r.random_range(-1.0..1.0))
+        .collect();
     chain.ssm.set_state(&p).map_err(&error)?;
+    let mut units_of_light = Vec::new();
+    if let Some(light) = &mut chain.light {
+        let a = random_state(&**light, &mut r);
+        light.set_state(&a).map_err(&error)?;
+        units_of_light = units(&**light);
+    }
     let sampled = chain.sample();
     let mut out = Vec::new();
     for (kind, how) in [
@@ -551,19 +599,21 @@ pub fn chain(
         let j = chain.jacobian(kind, &sampled);
         let mut gradient = vec![0.0; chain.shape.len()];
         chain.am.gradient_into(Side::Current, &mut gradient);
+        let s = chain.dof();
         let mut analytic = vec![0.0; s];
         kernels::project(&j, &gradient, &mut analytic);
         let mut pairs = Vec::with_capacity(s);
         for k in 0..s {
+            let unit = k.checked_sub(chain.ssm.dof()).map_or(1.0, |k| units_of_light[k]);
             // A millionth of the region: far too small for samples to cross into the next pixel.
             let mut at = |d: f64| {
                 let mut delta = vec![0.0; s];
-                delta[k] = d;
+                delta[k] = d * unit;
                 chain.reference(how, &delta)
             };
             let e = 1e-7;
             let numeric = (at(e).map_err(&error)? - at(-e).map_err(&error)?) / (2.0 * e);
-            pairs.push((analytic[k], numeric));
+            pairs.push((unit * analytic[k], numeric));
         }
         let quantity = format!(
             "df/dp, {}",
@@ -641,7 +691,7 @@ pub fn sweep(
 ) -> Result<Vec<SweepRow>, DiagnoseError> {
     let subject = format!("{}/{}", am.name, ssm.name);
     let error = failed(&subject);
-    let mut chain = Chain::new(am, &[], ssm, images, corners, res)?;
+    let mut chain = Chain::new(am, &[], ssm, &IlmEntry::NONE, images, corners, res)?;
     let s = chain.ssm.dof();
     let derivatives = chain.am.capabilities().derivatives;
     let (how, kind) = if chain.ssm.capabilities().compositional {

@@ -8,6 +8,7 @@ pub mod diagnose;
 pub mod estimate;
 pub mod eval;
 pub mod geom;
+pub mod ilm;
 pub mod image;
 pub mod kernels;
 pub mod output;

@@ -1,10 +1,11 @@
 //! Trackers by name: the tables of models, expressions such as `esm/ssd/homography{max_iters=50}`, and what fits what.
 //!
 //! [`Registry::builtin`] holds every entry of the crate; users add their own models to a registry and use it with the
-//! same runner. This is the only module that knows all three families.
+//! same runner. This is the only module that knows all families.
 
-use crate::am::{AMS, AmEntry, AmModel};
-use crate::params::{ParamError, ParamInfo};
+use crate::am::{AMS, AmEntry, AmModel, AppearanceModel};
+use crate::ilm::{ILMS, IlmEntry, IlmModel};
+use crate::params::{Assignment, Built, ParamError, ParamInfo};
 use crate::sm::{SMS, SmEntry};
 use crate::ssm::{SSMS, SsmEntry, SsmModel};
 use crate::tracker::Tracker;
@@ -71,6 +72,7 @@ fn hint(suggestion: &Option<String>) -> String {
 pub struct TrackerSpec {
     sm: String,
     am: String,
+    ilm: String,
     ssm: String,
     /// Non-default parameters, canonical text.
     params: BTreeMap<String, String>,
@@ -78,12 +80,21 @@ pub struct TrackerSpec {
 
 impl fmt::Display for TrackerSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}/{}/{}", self.sm, self.am, self.ssm)?;
+        f.write_str(&plain_id(&self.sm, &self.am, &self.ilm, &self.ssm))?;
         if !self.params.is_empty() {
             let list: Vec<String> = self.params.iter().map(|(k, v)| format!("{k}={v}")).collect();
             write!(f, "{{{}}}", list.join(","))?;
         }
         Ok(())
+    }
+}
+
+/// Id of a tracker without parameters.
+fn plain_id(sm: &str, am: &str, ilm: &str, ssm: &str) -> String {
+    if ilm == IlmEntry::NONE.name {
+        format!("{sm}/{am}/{ssm}")
+    } else {
+        format!("{sm}/{am}+{ilm}/{ssm}")
     }
 }
 
@@ -93,7 +104,7 @@ const MAX_SLUG: usize = 80;
 impl TrackerSpec {
     /// Search method, appearance model, state space model, illumination model ("none" without one).
     pub fn parts(&self) -> (&str, &str, &str, &str) {
-        (&self.sm, &self.am, &self.ssm, "none")
+        (&self.sm, &self.am, &self.ssm, &self.ilm)
     }
 
     /// File name for this tracker: safe characters, with a hash when the id has other ones or is long.
@@ -127,6 +138,8 @@ pub struct Selection {
     pub am: Vec<String>,
     /// State space models.
     pub ssm: Vec<String>,
+    /// Illumination models; none when empty.
+    pub ilm: Vec<String>,
     /// Tracker expressions, in addition to the product of the lists.
     pub trackers: Vec<String>,
     /// `name=value`, where `name` may be qualified by a model (`esm.max_iters`) or a role and a model
@@ -158,6 +171,7 @@ pub struct Registry {
     sms: Vec<SmEntry>,
     ams: Vec<AmEntry>,
     ssms: Vec<SsmEntry>,
+    ilms: Vec<IlmEntry>,
 }
 
 /// Entry of a family, for look-ups that are the same in each.
@@ -189,6 +203,7 @@ macro_rules! named {
 named!(SmEntry, "search method", groups);
 named!(AmEntry, "appearance model");
 named!(SsmEntry, "state space model");
+named!(IlmEntry, "illumination model");
 
 /// Closest of `known` to `name`, if it is close.
 pub fn suggest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<String> {
@@ -221,6 +236,37 @@ fn unknown<E: Named>(entries: &[E], name: &str) -> SpecError {
         role: E::ROLE,
         name: name.to_owned(),
         suggestion,
+    }
+}
+
+/// What a name of an appearance model stands for: `mc` before any of them (or its aliases) means all three channels.
+fn find_am<'a>(ams: &'a [AmEntry], name: &str) -> Option<(&'a AmEntry, bool)> {
+    let colour = || name.strip_prefix("mc").and_then(|rest| find(ams, rest));
+    find(ams, name)
+        .map(|e| (e, false))
+        .or_else(|| colour().map(|e| (e, true)))
+}
+
+/// As [`select`], with names of colour models; says which entries are to have three channels.
+fn select_ams<'a>(ams: &'a [AmEntry], list: &[String]) -> Result<Vec<(&'a AmEntry, bool)>, SpecError> {
+    let mut out: Vec<(&AmEntry, bool)> = Vec::new();
+    for item in list.iter().flat_map(|l| l.split(',')) {
+        let item = item.trim().to_ascii_lowercase();
+        let chosen = match find_am(ams, &item) {
+            Some(found) => vec![found],
+            None if item.is_empty() => Vec::new(),
+            None => select(ams, &[item])?.into_iter().map(|e| (e, false)).collect(),
+        };
+        for (e, colour) in chosen {
+            if !out.iter().any(|(o, c)| (o.name, *c) == (e.name, colour)) {
+                out.push((e, colour));
+            }
+        }
+    }
+    if out.is_empty() {
+        Err(SpecError::Empty(AmEntry::ROLE))
+    } else {
+        Ok(out)
     }
 }
 
@@ -258,18 +304,20 @@ fn select<'a, E: Named>(entries: &'a [E], list: &[String]) -> Result<Vec<&'a E>,
     }
 }
 
-/// A triple of entries.
+/// The entries of a tracker.
 #[derive(Clone, Copy)]
-struct Triple<'a> {
+struct Parts<'a> {
     sm: &'a SmEntry,
     am: &'a AmEntry,
+    ilm: &'a IlmEntry,
     ssm: &'a SsmEntry,
 }
 
-impl Triple<'_> {
+impl Parts<'_> {
     fn params(&self) -> Vec<ParamInfo> {
         let mut all = (self.sm.params)();
         all.extend((self.am.params)());
+        all.extend((self.ilm.params)());
         all.extend((self.ssm.params)());
         all
     }
@@ -285,11 +333,12 @@ impl Triple<'_> {
         };
         let found = (fits("sm", self.sm.name, self.sm.aliases) && has((self.sm.params)()))
             || (fits("am", self.am.name, self.am.aliases) && has((self.am.params)()))
+            || (fits("ilm", self.ilm.name, self.ilm.aliases) && has((self.ilm.params)()))
             || (fits("ssm", self.ssm.name, self.ssm.aliases) && has((self.ssm.params)()));
         found.then_some(bare)
     }
 
-    /// Assignments that belong to one model of the triple.
+    /// Assignments that belong to one model.
     fn own<'p>(infos: &[ParamInfo], params: &'p BTreeMap<String, String>) -> Vec<(&'p str, &'p str)> {
         let mine = |k: &str| infos.iter().any(|i| i.name == k);
         params
@@ -300,16 +349,18 @@ impl Triple<'_> {
     }
 
     fn canonical(&self, params: &BTreeMap<String, String>, name: &str) -> Result<String, SpecError> {
-        let am = Self::own(&(self.am.params)(), params);
-        let sm = Self::own(&(self.sm.params)(), params);
-        let ssm = Self::own(&(self.ssm.params)(), params);
-        let text = match (self.sm.canonical)(&sm, name)? {
-            Some(text) => Some(text),
-            None => match (self.am.canonical)(&am, name)? {
-                Some(text) => Some(text),
-                None => (self.ssm.canonical)(&ssm, name)?,
-            },
-        };
+        type Canonical = fn(&[Assignment<'_>], &str) -> Built<Option<String>>;
+        let of = |infos: Vec<ParamInfo>, canonical: Canonical| canonical(&Self::own(&infos, params), name);
+        let mut text = of((self.sm.params)(), self.sm.canonical)?;
+        for (infos, canonical) in [
+            (self.am.params, self.am.canonical),
+            (self.ilm.params, self.ilm.canonical),
+            (self.ssm.params, self.ssm.canonical),
+        ] {
+            if text.is_none() {
+                text = of(infos(), canonical)?;
+            }
+        }
         text.ok_or_else(|| SpecError::UnknownParam {
             name: name.to_owned(),
             suggestion: None,
@@ -328,6 +379,7 @@ impl Triple<'_> {
         Ok(TrackerSpec {
             sm: name(self.sm.name),
             am: name(self.am.name),
+            ilm: name(self.ilm.name),
             ssm: name(self.ssm.name),
             params: kept,
         })
@@ -347,6 +399,7 @@ impl Registry {
             sms: SMS.to_vec(),
             ams: AMS.to_vec(),
             ssms: SSMS.to_vec(),
+            ilms: ILMS.to_vec(),
         }
     }
 
@@ -359,6 +412,12 @@ impl Registry {
     /// Adds a state space model.
     pub fn add_ssm<M: SsmModel>(&mut self) -> &mut Self {
         self.ssms.push(SsmEntry::of::<M>());
+        self
+    }
+
+    /// Adds an illumination model.
+    pub fn add_ilm<M: IlmModel>(&mut self) -> &mut Self {
+        self.ilms.push(IlmEntry::of::<M>());
         self
     }
 
@@ -380,6 +439,10 @@ impl Registry {
     pub fn ssms(&self) -> &[SsmEntry] {
         &self.ssms
     }
+    /// Illumination models, the entry for none among them.
+    pub fn ilms(&self) -> &[IlmEntry] {
+        &self.ilms
+    }
 
     /// Appearance models of a list of names (`all` for every one).
     pub fn select_ams(&self, list: &str) -> Result<Vec<&AmEntry>, SpecError> {
@@ -390,17 +453,23 @@ impl Registry {
         select(&self.ssms, &[list.to_owned()])
     }
 
-    fn triple(&self, spec: &TrackerSpec) -> Result<Triple<'_>, SpecError> {
-        Ok(Triple {
+    /// Illumination models of a list of names.
+    pub fn select_ilms(&self, list: &str) -> Result<Vec<&IlmEntry>, SpecError> {
+        select(&self.ilms, &[list.to_owned()])
+    }
+
+    fn parts(&self, spec: &TrackerSpec) -> Result<Parts<'_>, SpecError> {
+        Ok(Parts {
             sm: find(&self.sms, &spec.sm).ok_or_else(|| unknown(&self.sms, &spec.sm))?,
             am: find(&self.ams, &spec.am).ok_or_else(|| unknown(&self.ams, &spec.am))?,
+            ilm: find(&self.ilms, &spec.ilm).ok_or_else(|| unknown(&self.ilms, &spec.ilm))?,
             ssm: find(&self.ssms, &spec.ssm).ok_or_else(|| unknown(&self.ssms, &spec.ssm))?,
         })
     }
 
     /// Every parameter of a tracker with its resolved value.
     pub fn resolved(&self, spec: &TrackerSpec) -> Result<Vec<(ParamInfo, String)>, SpecError> {
-        let triple = self.triple(spec)?;
+        let parts = self.parts(spec)?;
         let value = |info: ParamInfo| {
             let text = spec
                 .params
@@ -409,43 +478,63 @@ impl Registry {
                 .unwrap_or_else(|| info.default.clone());
             (info, text)
         };
-        Ok(triple.params().into_iter().map(value).collect())
+        Ok(parts.params().into_iter().map(value).collect())
     }
 
     /// Builds a tracker. Fails when its parts cannot work together.
     pub fn build(&self, spec: &TrackerSpec) -> Result<Box<dyn Tracker>, SpecError> {
-        let triple = self.triple(spec)?;
-        let am = (triple.am.build)(&Triple::own(&(triple.am.params)(), &spec.params))?;
-        if let Some(why) = (triple.sm.refuses)(&am.capabilities()) {
-            let reason = format!("{} {why}; {} needs them", triple.am.name, triple.sm.name);
-            return Err(SpecError::Refused {
-                id: spec.to_string(),
-                reason,
-            });
+        let Parts { sm, am, ilm, ssm } = self.parts(spec)?;
+        let refused = |reason: String| SpecError::Refused {
+            id: spec.to_string(),
+            reason,
+        };
+        let sm_params = Parts::own(&(sm.params)(), &spec.params);
+        let model = (am.build)(&Parts::own(&(am.params)(), &spec.params))?;
+        let light = (ilm.build)(&Parts::own(&(ilm.params)(), &spec.params))?;
+        if let Some(why) = (sm.refuses)(&sm_params, &model.capabilities()) {
+            return Err(refused(format!("{} {why}; {} needs them", am.name, sm.name)));
         }
-        let ssm = (triple.ssm.build)(&Triple::own(&(triple.ssm.params)(), &spec.params))?;
-        let capabilities = ssm.capabilities();
-        if let Some(why) = (triple.sm.refuses_ssm)(&capabilities) {
-            let others = self
-                .sms
-                .iter()
-                .filter(|e| (e.refuses_ssm)(&capabilities).is_none());
-            let others: Vec<&str> = others.map(|e| e.name).collect();
-            return Err(SpecError::Refused {
-                id: spec.to_string(),
-                reason: format!(
-                    "{} {why}; {} needs that; try {}",
-                    triple.ssm.name,
-                    triple.sm.name,
-                    others.join(", ")
-                ),
-            });
+        if let (Some(_), Some(why)) = (&light, self.refuses_ilm(sm, &*model, ilm)) {
+            return Err(refused(why.replace("{am}", am.name)));
         }
-        Ok((triple.sm.build)(
-            &Triple::own(&(triple.sm.params)(), &spec.params),
-            am,
-            ssm,
-        )?)
+        let warp = (ssm.build)(&Parts::own(&(ssm.params)(), &spec.params))?;
+        let capabilities = warp.capabilities();
+        if let Some(why) = (sm.refuses_ssm)(&capabilities) {
+            let others = self.names_of(|e| (e.refuses_ssm)(&capabilities).is_none());
+            let (ssm, sm) = (ssm.name, sm.name);
+            return Err(refused(format!("{ssm} {why}; {sm} needs that; try {others}")));
+        }
+        Ok(match (light, sm.build_lit) {
+            (Some(light), Some(build)) => build(&sm_params, model, warp, light)?,
+            _ => (sm.build)(&sm_params, model, warp)?,
+        })
+    }
+
+    /// Search methods that fulfil a condition, by name.
+    fn names_of(&self, condition: impl Fn(&SmEntry) -> bool) -> String {
+        let names: Vec<&str> = self.sms.iter().filter(|e| condition(e)).map(|e| e.name).collect();
+        names.join(", ")
+    }
+
+    /// Why an illumination model cannot be used with a search method or an appearance model (`{am}`), if it cannot.
+    fn refuses_ilm(&self, sm: &SmEntry, am: &dyn AppearanceModel, ilm: &IlmEntry) -> Option<String> {
+        if sm.build_lit.is_none() {
+            let others = self.names_of(|e| e.build_lit.is_some());
+            return Some(format!(
+                "{} does not estimate illumination; try {others}",
+                sm.name
+            ));
+        }
+        let blind = ilm.global && am.capabilities().gain_bias_invariant;
+        let local = self.ilms.iter().filter(|e| !e.global && !e.is_none());
+        let local: Vec<&str> = local.map(|e| e.name).collect();
+        blind.then(|| {
+            format!(
+                "{{am}} is blind to one gain and bias, so {} has nothing to estimate; try {}",
+                ilm.name,
+                local.join(", ")
+            )
+        })
     }
 
     /// Parses an expression such as `esm/ssd/homography{max_iters=50}`.
@@ -454,37 +543,42 @@ impl Registry {
     }
 
     fn parse_with(&self, text: &str, set: &[(String, String)]) -> Result<TrackerSpec, SpecError> {
-        let lower = text.to_ascii_lowercase();
         let syntax = |at: usize, expected: &str| SpecError::Syntax {
             text: text.to_owned(),
             at,
             expected: expected.to_owned(),
         };
-        let (names, braces) = match lower.find('{') {
-            Some(open) if lower.ends_with('}') => (&lower[..open], &lower[open + 1..lower.len() - 1]),
-            Some(_) => return Err(syntax(lower.len(), "'}'")),
-            None => (&lower[..], ""),
+        let (names, braces) = match text.find('{') {
+            Some(open) if text.ends_with('}') => (&text[..open], &text[open + 1..text.len() - 1]),
+            Some(_) => return Err(syntax(text.len(), "'}'")),
+            None => (text, ""),
         };
-        let parts: Vec<&str> = names.split('/').map(str::trim).collect();
-        let [sm, am, ssm] = parts[..] else {
+        // Values keep their case: some are paths.
+        let names = names.to_ascii_lowercase();
+        let named: Vec<&str> = names.split('/').map(str::trim).collect();
+        let [sm, am, ssm] = named[..] else {
             let at = names.match_indices('/').nth(2).map_or(names.len(), |(i, _)| i);
             return Err(syntax(
                 at,
-                if parts.len() < 3 {
+                if named.len() < 3 {
                     "'/': search_method/appearance_model/state_space_model"
                 } else {
                     "'{' or the end"
                 },
             ));
         };
-        let triple = Triple {
+        let (am, ilm) = am.split_once('+').unwrap_or((am, IlmEntry::NONE.name));
+        let (am, ilm) = (am.trim(), ilm.trim());
+        let (am, colour) = find_am(&self.ams, am).ok_or_else(|| unknown(&self.ams, am))?;
+        let parts = Parts {
             sm: find(&self.sms, sm).ok_or_else(|| unknown(&self.sms, sm))?,
-            am: find(&self.ams, am).ok_or_else(|| unknown(&self.ams, am))?,
+            am,
+            ilm: find(&self.ilms, ilm).ok_or_else(|| unknown(&self.ilms, ilm))?,
             ssm: find(&self.ssms, ssm).ok_or_else(|| unknown(&self.ssms, ssm))?,
         };
         let mut params = BTreeMap::new();
         for (name, value) in set {
-            if let Some(bare) = triple.resolve(name) {
+            if let Some(bare) = parts.resolve(name) {
                 params.insert(bare.to_owned(), value.clone());
             }
         }
@@ -493,13 +587,28 @@ impl Registry {
             let (name, value) = item
                 .split_once('=')
                 .ok_or_else(|| syntax(at + item.len(), "'=' and a value"))?;
-            let bare = triple
-                .resolve(name.trim())
-                .ok_or_else(|| self.unknown_param(name.trim(), &triple.params()))?;
+            let name = name.trim().to_ascii_lowercase();
+            let bare = parts
+                .resolve(&name)
+                .ok_or_else(|| self.unknown_param(&name, &parts.params()))?;
+            if bare == "channels" && colour && value.trim() != "3" {
+                return Err(ParamError::Value {
+                    name: "channels",
+                    value: value.trim().to_owned(),
+                    allowed: format!("3, as 'mc{}' says", parts.am.name),
+                }
+                .into());
+            }
             params.insert(bare.to_owned(), value.trim().to_owned());
             at += item.len() + 1;
         }
-        triple.spec(params)
+        if colour {
+            let name = parts
+                .resolve("channels")
+                .ok_or_else(|| self.unknown_param("channels", &parts.params()))?;
+            params.insert(name.to_owned(), "3".to_owned());
+        }
+        parts.spec(params)
     }
 
     fn unknown_param(&self, name: &str, params: &[ParamInfo]) -> SpecError {
@@ -518,34 +627,40 @@ impl Registry {
         let mut seen = BTreeSet::new();
         let mut used = vec![false; selection.set.len()];
         let mut params_seen: Vec<ParamInfo> = Vec::new();
-        let mut triples = Vec::new();
-        let lists = [&selection.sm, &selection.am, &selection.ssm];
+        let mut combinations = Vec::new();
+        let lists = [&selection.sm, &selection.am, &selection.ssm, &selection.ilm];
         if selection.trackers.is_empty() || lists.iter().any(|l| !l.is_empty()) {
+            let none = [IlmEntry::NONE.name.to_owned()];
+            let ilms = if selection.ilm.is_empty() {
+                &none[..]
+            } else {
+                &selection.ilm
+            };
             for sm in select(&self.sms, &selection.sm)? {
-                for am in select(&self.ams, &selection.am)? {
-                    for ssm in select(&self.ssms, &selection.ssm)? {
-                        triples.push((Triple { sm, am, ssm }, None));
+                for (am, colour) in select_ams(&self.ams, &selection.am)? {
+                    for ilm in select(&self.ilms, ilms)? {
+                        for ssm in select(&self.ssms, &selection.ssm)? {
+                            let am = format!("{}{}", if colour { "mc" } else { "" }, am.name);
+                            combinations.push((plain_id(sm.name, &am, ilm.name, ssm.name), true));
+                        }
                     }
                 }
             }
         }
-        for text in &selection.trackers {
-            let spec = self.parse(text)?;
-            triples.push((self.triple(&spec)?, Some(text)));
-        }
-        for (triple, text) in triples {
-            params_seen.extend(triple.params());
+        combinations.extend(selection.trackers.iter().map(|text| (text.clone(), false)));
+        for (text, product) in combinations {
+            let spec = self.parse_with(&text, &selection.set)?;
+            let parts = self.parts(&spec)?;
+            params_seen.extend(parts.params());
             for (used, (name, _)) in used.iter_mut().zip(&selection.set) {
-                *used |= triple.resolve(name).is_some();
+                *used |= parts.resolve(name).is_some();
             }
-            let plain = format!("{}/{}/{}", triple.sm.name, triple.am.name, triple.ssm.name);
-            let spec = self.parse_with(text.unwrap_or(&plain), &selection.set)?;
             if !seen.insert(spec.clone()) {
                 continue;
             }
             match self.build(&spec) {
                 Ok(_) => out.specs.push(spec),
-                Err(SpecError::Refused { id, reason }) if text.is_none() => {
+                Err(SpecError::Refused { id, reason }) if product => {
                     out.refused.push(Refusal { id, reason });
                 }
                 Err(e) => return Err(e),
@@ -677,12 +792,14 @@ mod tests {
         let r = Registry::builtin();
         for sm in r.sms() {
             for am in r.ams() {
-                for ssm in r.ssms() {
-                    let mut names: Vec<_> = Triple { sm, am, ssm }.params().iter().map(|p| p.name).collect();
+                for (ssm, ilm) in r.ssms().iter().flat_map(|s| r.ilms().iter().map(move |i| (s, i))) {
+                    let parts = Parts { sm, am, ilm, ssm };
+                    let mut names: Vec<_> = parts.params().iter().map(|p| p.name).collect();
                     let count = names.len();
                     names.sort_unstable();
                     names.dedup();
-                    assert_eq!(names.len(), count, "{}/{}/{}", sm.name, am.name, ssm.name);
+                    let id = plain_id(sm.name, am.name, ilm.name, ssm.name);
+                    assert_eq!(names.len(), count, "{id}");
                 }
             }
         }

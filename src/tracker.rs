@@ -48,6 +48,9 @@ pub enum TrackError {
     /// The normal equations have no finite solution.
     #[error("singular system")]
     Singular,
+    /// The illumination model cannot follow, or not be used with so small a patch.
+    #[error("illumination: {0}")]
+    Illumination(&'static str),
     /// A number is not finite.
     #[error("not finite: {0}")]
     NotFinite(&'static str),
@@ -63,6 +66,7 @@ impl TrackError {
             TrackError::Degenerate(_) => "degenerate",
             TrackError::Outside => "outside",
             TrackError::Singular => "singular",
+            TrackError::Illumination(_) => "illumination",
             TrackError::NotFinite(_) => "not_finite",
         }
     }

@@ -319,6 +319,8 @@ impl<K: Kind> AppearanceModel for Information<K> {
             derivatives: true,
             symmetric: !K::CUMULATIVE,
             metric: Metric::Other,
+            gain_bias_invariant: true,
+            masks: false,
         }
     }
     fn similarity_is_merit(&self) -> bool {

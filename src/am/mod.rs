@@ -20,16 +20,21 @@
 //! Models whose gradient does not vanish at perfect alignment return centred gradients and the matching mixed Hessian
 //! from the same methods, so that no search method knows the difference.
 
+mod bank;
 mod ccre;
+mod dfm;
 mod divergence;
 mod information;
 mod kld;
 mod lkld;
 mod mi;
 mod ncc;
+mod network;
 mod ngf;
 mod nssd;
+mod pca;
 mod riu;
+mod robust;
 mod sad;
 mod scv;
 mod spss;
@@ -39,16 +44,21 @@ mod sum;
 mod tone;
 mod zncc;
 
+pub use bank::OrientedBank;
 pub use ccre::{Ccre, CcreParams, CrossCumulative};
+pub use dfm::{Dfm, DfmParams, PatchFeatures};
 pub use divergence::{Divergence, DivergenceKind, DivergenceSettings};
 pub use information::{Information, InformationSettings, Kind as InformationKind};
 pub use kld::{Kld, KldParams, Whole};
 pub use lkld::{Lkld, LkldParams, Localised};
 pub use mi::{Mi, MiParams, Mutual};
 pub use ncc::Ncc;
+pub use network::{Network, NetworkError};
 pub use ngf::{Ngf, NgfParams};
 pub use nssd::Nssd;
+pub use pca::Pca;
 pub use riu::Riu;
+pub use robust::Robust;
 pub use sad::Sad;
 pub use scv::{ConditionalVariance, Lrscv, Lscv, Rscv, Scv};
 pub use spss::Spss;
@@ -76,12 +86,14 @@ pub const AMS: &[AmEntry] = &[
     AmEntry::of::<Rscv>(),
     AmEntry::of::<Lscv>(),
     AmEntry::of::<Lrscv>(),
+    AmEntry::of::<Pca>(),
     AmEntry::of::<Mi>(),
     AmEntry::of::<Ccre>(),
     AmEntry::of::<Kld>(),
     AmEntry::of::<Lkld>(),
     AmEntry::of::<Ngf>(),
     AmEntry::of::<Sum>(),
+    AmEntry::of::<Dfm>(),
 ];
 
 /// Shape of a patch.
@@ -142,6 +154,11 @@ pub struct Capabilities {
     pub symmetric: bool,
     /// Metric of its distance feature.
     pub metric: Metric,
+    /// One gain and one bias of the whole current patch change `f` not at all, or only by an accident of the measure: a
+    /// search cannot estimate them.
+    pub gain_bias_invariant: bool,
+    /// Can leave out values ([`AppearanceModel::set_mask`]); its feature has an element per value.
+    pub masks: bool,
 }
 
 /// Gradient (row vector `J`) and Hessian of the similarity with respect to the search parameters.
@@ -199,11 +216,29 @@ pub trait AppearanceModel: Send {
     /// Takes the current patch and computes what the similarity and its derivatives share (function 4 without `f`).
     fn set_current(&mut self, patch: &[f32]);
 
+    /// Restricts the model to the values for which `mask` is 1; the others, for which it is 0, contribute nothing to
+    /// `f` and its derivatives until the next mask or template. Takes effect with the next
+    /// [`set_current`](Self::set_current); only called if the model can (see [`Capabilities::masks`]).
+    fn set_mask(&mut self, _mask: &[f32]) {}
+
+    /// Whether values are weighted, by a mask or by how well they agree: then even the template's self Hessian changes
+    /// with the current patch.
+    fn weighted(&self) -> bool {
+        false
+    }
+
     /// `f(T, I)` (function 4).
     fn similarity(&self) -> f64;
 
     /// `df/dT` (function 5) or `df/dI` (function 6) for each raw pixel value; `out` has the patch's length.
     fn gradient_into(&mut self, side: Side, out: &mut [f32]);
+
+    /// Gradient with respect to the search parameters (functions 7, 8): the product of
+    /// [`gradient_into`](Self::gradient_into) and `j`. `scratch` has the patch's length.
+    fn project_gradient(&mut self, side: Side, j: &Jacobian, scratch: &mut [f32], out: &mut [f64]) {
+        self.gradient_into(side, scratch);
+        kernels::project(j, scratch, out);
+    }
 
     /// First-order Hessian `J' (d²f/dI²) J` of the current side (function 11) or the same of the template side
     /// (function 10); `j` has a row per value.
@@ -222,8 +257,7 @@ pub trait AppearanceModel: Send {
         scratch: &mut [f32],
         out: &mut Normal,
     ) {
-        self.gradient_into(side, scratch);
-        kernels::project(j, scratch, &mut out.gradient);
+        self.project_gradient(side, j, scratch, &mut out.gradient);
         match curvature {
             Curvature::SelfHessian => self.self_hessian_into(side, j, &mut out.hessian),
             Curvature::Standard => self.hessian_into(side, j, &mut out.hessian),
@@ -246,7 +280,7 @@ pub trait AppearanceModel: Send {
     }
 
     /// Adapts the model to the patch at which a frame's search ended (raw, like all patches). Returns true when
-    /// something that a search method may have kept has changed: gradients or Hessians of the template side.
+    /// something that a search method may have kept has changed: gradients or Hessians of the template side. May allocate.
     fn learn(&mut self, _patch: &[f32]) -> bool {
         false
     }
@@ -284,11 +318,20 @@ impl<T: AppearanceModel + ?Sized> AppearanceModel for Box<T> {
     fn set_current(&mut self, patch: &[f32]) {
         (**self).set_current(patch)
     }
+    fn set_mask(&mut self, mask: &[f32]) {
+        (**self).set_mask(mask)
+    }
+    fn weighted(&self) -> bool {
+        (**self).weighted()
+    }
     fn similarity(&self) -> f64 {
         (**self).similarity()
     }
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         (**self).gradient_into(side, out)
+    }
+    fn project_gradient(&mut self, side: Side, j: &Jacobian, scratch: &mut [f32], out: &mut [f64]) {
+        (**self).project_gradient(side, j, scratch, out)
     }
     fn hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
         (**self).hessian_into(side, j, h)

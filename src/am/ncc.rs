@@ -3,7 +3,12 @@
 //! `u = (T - T̄)/c`, `v = (I - Ī)/b` with `c = |T - T̄|`, `b = |I - Ī|`; `f = u·v` in [-1, 1].
 //! `df/dI = (u - f v)/b`, `df/dT = (v - f u)/c`. With `P = Id - 11'/n`:
 //! `d²f/dI² = (-f P - v u' - u v' + 3 f v v')/b²`, self Hessian `(-P + v v')/b²`; the template side swaps the roles.
+//!
+//! With a robust loss or a mask every sum over values is weighted: means, norms, `u·v` and the products with `J`, `n` being
+//! the sum of the weights. These belong to the differences of standardised patches, as in [`super::Zncc`], and are held
+//! fixed while differentiating.
 
+use super::robust::{NOISE, Robust, Weights};
 use super::zncc::standardise;
 use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
 use crate::geom::solve::SymMatrix;
@@ -13,6 +18,8 @@ use crate::tracker::TrackError;
 crate::params! {
     /// Parameters of [`Ncc`].
     pub struct NccParams {
+        /// Loss of single differences: none (squares), huber or tukey (M-estimators, scaled by the median difference).
+        robust: Robust = Robust::None;
         /// Likelihood exp(-2 alpha (1 - f)): alpha.
         likelihood_alpha: f64 = 50.0, in 0.0..=1e6;
     }
@@ -28,7 +35,15 @@ pub struct Ncc {
     /// `1/σ` of the patches; `sqrt(n) σ` are the norms `c` and `b`.
     template_inverse: f64,
     current_inverse: f64,
+    /// `Ī`, of the last patch with weights.
+    current_mean: f64,
     ones: Vec<f32>,
+    weights: Weights,
+    /// With weights `w`: `w û`, `w v̂`; the latter's place holds differences while weights are estimated.
+    weighted: [Vec<f32>; 2],
+    /// `1/σ` of the template without weights, and `Σ w`.
+    plain_inverse: f64,
+    total: f64,
     f: f64,
     /// `J'û, J'v̂, J'1` of the last Jacobian, S each.
     sums: Vec<f64>,
@@ -38,21 +53,52 @@ pub struct Ncc {
 const MAX_DOF: usize = 16;
 
 impl Ncc {
+    /// `Σ w`, `n` without weights.
     fn n(&self) -> f64 {
-        self.template.len() as f64
+        self.total
     }
-    /// `J'J`, and `J'û`, `J'v̂`, `J'1` into `self.sums`.
+    /// `w û`, `w v̂`.
+    fn patches(&self) -> [&[f32]; 2] {
+        if self.weights.used() {
+            [&self.weighted[0], &self.weighted[1]]
+        } else {
+            [&self.template, &self.current]
+        }
+    }
+    /// `J'WJ`, and `J'Wû`, `J'Wv̂`, `J'W1` into `self.sums`.
     fn accumulate(&mut self, j: &Jacobian, h: &mut SymMatrix) {
         let s = j.cols();
-        if self.sums.len() < 3 * s {
-            self.sums.resize(3 * s, 0.0);
+        let mut sums = std::mem::take(&mut self.sums);
+        if sums.len() < 3 * s {
+            sums.resize(3 * s, 0.0);
         }
-        kernels::normal_equations(
-            j,
-            &[&self.template, &self.current, &self.ones],
-            h,
-            &mut self.sums[..3 * s],
-        );
+        let [u, v] = self.patches();
+        let ones = self.weights.get().unwrap_or(&self.ones);
+        self.weights
+            .normal_equations(j, &[u, v, ones], h, &mut sums[..3 * s]);
+        self.sums = sums;
+    }
+    fn set_weighted(&mut self, patch: &[f32]) {
+        let n = self.template.len();
+        let [template, current] = &mut self.weighted;
+        template.resize(n, 0.0);
+        current.resize(n, 0.0);
+        let last = (self.current_mean, self.current_inverse);
+        self.weights.judge(&self.template, patch, last, template, current);
+        if self.params.robust != Robust::None {
+            let k = self.weights.standardise(&self.template, template).1;
+            self.weights.standardise(patch, &mut self.current);
+            kernels::subtract(&self.current, template, current);
+            self.weights.estimate(current, NOISE * k * self.plain_inverse);
+        }
+        let k = self.weights.standardise(&self.template, template).1;
+        self.template_inverse = k * self.plain_inverse;
+        (self.current_mean, self.current_inverse) = self.weights.standardise(patch, &mut self.current);
+        let w = self.weights.get().unwrap_or(&self.ones);
+        kernels::multiply(w, template);
+        kernels::product(w, &self.current, 1.0, current);
+        self.total = kernels::sum(w);
+        self.f = kernels::dot(template, &self.current) / self.total;
     }
     /// Turns `J'J` in `h` and `self.sums` into a Hessian of one side.
     fn finish(&self, side: Side, curvature: Curvature, h: &mut SymMatrix) {
@@ -83,6 +129,7 @@ impl AmModel for Ncc {
     const SUMMARY: &'static str = "normalised cross-correlation, exact derivatives";
     fn new(params: NccParams) -> Self {
         Ncc {
+            weights: Weights::new(params.robust),
             params,
             ..Ncc::default()
         }
@@ -95,12 +142,14 @@ impl AppearanceModel for Ncc {
             derivatives: true,
             symmetric: true,
             metric: Metric::SquaredL2,
+            gain_bias_invariant: true,
+            masks: true,
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         self.template.clear();
         self.template.resize(shape.len(), 0.0);
-        self.template_inverse = standardise(patch, &mut self.template).1;
+        (self.current_mean, self.template_inverse) = standardise(patch, &mut self.template);
         if self.template_inverse == 0.0 {
             return Err(TrackError::Template("flat patch"));
         }
@@ -109,20 +158,40 @@ impl AppearanceModel for Ncc {
         self.ones.clear();
         self.ones.resize(shape.len(), 1.0);
         self.sums.resize(3 * MAX_DOF, 0.0);
+        self.plain_inverse = self.template_inverse;
+        self.total = shape.len() as f64;
+        self.weights.reset(shape.len());
+        if self.weights.used() {
+            self.weighted
+                .iter_mut()
+                .for_each(|w| w.clone_from(&self.template));
+        }
         self.f = 1.0;
         Ok(())
     }
     fn set_current(&mut self, patch: &[f32]) {
+        if self.weights.used() {
+            return self.set_weighted(patch);
+        }
+        self.template_inverse = self.plain_inverse;
+        self.total = self.template.len() as f64;
         self.current_inverse = standardise(patch, &mut self.current).1;
         self.f = kernels::dot(&self.template, &self.current) / self.n();
+    }
+    fn set_mask(&mut self, mask: &[f32]) {
+        self.weights.set_mask(mask);
+    }
+    fn weighted(&self) -> bool {
+        self.weights.used()
     }
     fn similarity(&self) -> f64 {
         self.f
     }
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
+        let [u, v] = self.patches();
         let (own, other, inverse) = match side {
-            Side::Template => (&self.template, &self.current, self.template_inverse),
-            Side::Current => (&self.current, &self.template, self.current_inverse),
+            Side::Template => (u, v, self.template_inverse),
+            Side::Current => (v, u, self.current_inverse),
         };
         let k = inverse / self.n();
         kernels::combine(k as f32, other, (-self.f * k) as f32, own, out);
@@ -156,7 +225,7 @@ impl AppearanceModel for Ncc {
         }
     }
     fn likelihood(&self) -> f64 {
-        (-2.0 * self.params.likelihood_alpha * (1.0 - self.f)).exp()
+        libm::exp(-2.0 * self.params.likelihood_alpha * (1.0 - self.f).max(0.0))
     }
     fn feature_len(&self) -> usize {
         self.template.len()
@@ -165,17 +234,17 @@ impl AppearanceModel for Ncc {
         standardise(patch, out);
     }
     fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
-        let n = template.len() as f64;
-        let mean = |x: &[f64]| x.iter().sum::<f64>() / n;
+        let w = |i: usize| self.weights.get().map_or(1.0, |w| f64::from(w[i]));
+        let mean = |x: &[f64]| x.iter().enumerate().map(|(i, x)| w(i) * x).sum::<f64>() / self.n();
         let (mt, mi) = (mean(template), mean(current));
         let (mut tt, mut ii, mut ti) = (0.0, 0.0, 0.0);
-        for (t, i) in template.iter().zip(current) {
+        for (k, (t, i)) in template.iter().zip(current).enumerate() {
             let (t, i) = (t - mt, i - mi);
-            (tt, ii, ti) = (tt + t * t, ii + i * i, ti + t * i);
+            (tt, ii, ti) = (tt + w(k) * t * t, ii + w(k) * i * i, ti + w(k) * t * i);
         }
         if tt * ii > 0.0 { ti / (tt * ii).sqrt() } else { 0.0 }
     }
     fn memory(&self) -> usize {
-        12 * self.template.capacity()
+        12 * self.template.capacity() + 8 * self.weighted[0].capacity() + self.weights.memory()
     }
 }

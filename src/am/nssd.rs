@@ -4,7 +4,8 @@
 //! so are all its derivatives. The optimum and every step of a search are SSD's; likelihoods, damping and sums of
 //! models see the range.
 
-use super::ssd::{least_squares, scaled_gram};
+use super::robust::{NOISE, Robust, Weights};
+use super::ssd::{least_squares, scaled_gram, weigh};
 use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
@@ -13,6 +14,8 @@ use crate::tracker::TrackError;
 crate::params! {
     /// Parameters of [`Nssd`].
     pub struct NssdParams {
+        /// Loss of single differences: none (squares), huber or tukey (M-estimators, scaled by the median difference).
+        robust: Robust = Robust::None;
         /// What intensity 0 becomes.
         norm_min: f64 = 0.0, in -1e4..=0.0;
         /// What intensity 255 becomes.
@@ -27,9 +30,11 @@ crate::params! {
 pub struct Nssd {
     params: NssdParams,
     template: Vec<f32>,
-    /// `I - T`, raw.
+    /// `I - T`, raw; weighted if there are weights.
     residual: Vec<f32>,
+    /// `-2 f/k²`.
     ssd: f64,
+    weights: Weights,
 }
 
 impl Nssd {
@@ -52,6 +57,7 @@ impl AmModel for Nssd {
     const SUMMARY: &'static str = "sum of squared differences of patches scaled to a range";
     fn new(params: NssdParams) -> Self {
         Nssd {
+            weights: Weights::new(params.robust),
             params,
             ..Nssd::default()
         }
@@ -64,6 +70,8 @@ impl AppearanceModel for Nssd {
             derivatives: true,
             symmetric: true,
             metric: Metric::SquaredL2,
+            gain_bias_invariant: false,
+            masks: true,
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
@@ -72,10 +80,18 @@ impl AppearanceModel for Nssd {
         self.residual.clear();
         self.residual.resize(shape.len(), 0.0);
         self.ssd = 0.0;
+        self.weights.reset(shape.len());
         Ok(())
     }
     fn set_current(&mut self, patch: &[f32]) {
-        self.ssd = kernels::subtract(patch, &self.template, &mut self.residual);
+        let squares = kernels::subtract(patch, &self.template, &mut self.residual);
+        self.ssd = weigh(&mut self.weights, &mut self.residual, squares, NOISE);
+    }
+    fn set_mask(&mut self, mask: &[f32]) {
+        self.weights.set_mask(mask);
+    }
+    fn weighted(&self) -> bool {
+        self.weights.used()
     }
     fn similarity(&self) -> f64 {
         -0.5 * self.k2() * self.ssd
@@ -84,10 +100,10 @@ impl AppearanceModel for Nssd {
         kernels::combine(self.factor(side) as f32, &self.residual, 0.0, &self.residual, out);
     }
     fn hessian_into(&mut self, _side: Side, j: &Jacobian, h: &mut SymMatrix) {
-        scaled_gram(j, -self.k2(), h);
+        scaled_gram(j, &self.weights, -self.k2(), h);
     }
     fn self_hessian_into(&mut self, _side: Side, j: &Jacobian, h: &mut SymMatrix) {
-        scaled_gram(j, -self.k2(), h);
+        scaled_gram(j, &self.weights, -self.k2(), h);
     }
     fn linearise(
         &mut self,
@@ -97,11 +113,18 @@ impl AppearanceModel for Nssd {
         _scratch: &mut [f32],
         out: &mut Normal,
     ) {
-        least_squares(j, &self.residual, self.factor(side), -self.k2(), out);
+        least_squares(
+            j,
+            &self.weights,
+            &self.residual,
+            self.factor(side),
+            -self.k2(),
+            out,
+        );
     }
     fn likelihood(&self) -> f64 {
         let rms = (0.5 * self.k2() * self.ssd / self.template.len() as f64).sqrt();
-        (-self.params.likelihood_alpha * rms).exp()
+        libm::exp(-self.params.likelihood_alpha * rms)
     }
     fn feature_len(&self) -> usize {
         self.template.len()
@@ -111,10 +134,10 @@ impl AppearanceModel for Nssd {
         kernels::combine(k, patch, 0.0, patch, out);
     }
     fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
-        let squares = template.iter().zip(current).map(|(t, i)| (i - t).powi(2));
-        -0.5 * self.k2() * squares.sum::<f64>()
+        let differences = template.iter().zip(current).map(|(t, i)| i - t);
+        -self.k2() * self.weights.reference(differences)
     }
     fn memory(&self) -> usize {
-        8 * self.template.capacity()
+        8 * self.template.capacity() + self.weights.memory()
     }
 }

@@ -8,7 +8,7 @@
 //! gradient `ρ s`, Hessian `diag(s) R diag(s)`, plus `diag(2 ρ r/(κ + T)²)` on the template side; self Hessian of a
 //! patch `X` `-(2/n) diag(w) P diag(w)`, `w = 1/(κ + X)`.
 //!
-//! Dark pixels weigh most, so a small `κ` makes them, and their noise, decide; hence its default.
+//! Dark pixels weigh most, so a small `κ` makes them, and their noise, decide; hence its default (the original's is 1).
 
 use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
 use crate::geom::solve::SymMatrix;
@@ -19,7 +19,7 @@ crate::params! {
     /// Parameters of [`Riu`].
     pub struct RiuParams {
         /// Offset of both terms of the ratio, gray levels.
-        kappa: f64 = 31.0, in 0.01..=1e4;
+        kappa: f64 = 61.0, in 0.01..=1e4;
         /// Likelihood exp(alpha f): alpha.
         likelihood_alpha: f64 = 100.0, in 0.0..=1e6;
     }
@@ -151,6 +151,8 @@ impl AppearanceModel for Riu {
             derivatives: true,
             symmetric: false,
             metric: Metric::Other,
+            gain_bias_invariant: true,
+            masks: false,
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
@@ -211,7 +213,7 @@ impl AppearanceModel for Riu {
         }
     }
     fn likelihood(&self) -> f64 {
-        (self.params.likelihood_alpha * self.f).exp()
+        libm::exp(self.params.likelihood_alpha * self.f)
     }
     fn feature_len(&self) -> usize {
         self.template.len()

@@ -42,6 +42,8 @@ impl AppearanceModel for Sad {
             derivatives: false,
             symmetric: true,
             metric: Metric::L1,
+            gain_bias_invariant: false,
+            masks: false,
         }
     }
     fn set_template(&mut self, _shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
@@ -69,7 +71,7 @@ impl AppearanceModel for Sad {
         h.fill(|_, _| 0.0);
     }
     fn likelihood(&self) -> f64 {
-        (-self.params.likelihood_alpha * self.sad / self.template.len() as f64).exp()
+        libm::exp(-self.params.likelihood_alpha * self.sad / self.template.len() as f64)
     }
     fn feature_len(&self) -> usize {
         self.template.len()

@@ -32,9 +32,11 @@ crate::params! {
         /// Bins of intensity.
         n_bins: usize = 64, in 2..=256;
         /// The map is a straight line.
-        affine: bool = false;
+        affine: bool = true;
         /// The map is interpolated between the centres of the bins.
         weighted: bool = false;
+        /// How far the contrast that misalignment takes from an expectation is restored: 0 not at all, 1 fully.
+        contrast: f64 = 0.6, in 0.0..=1.0;
         /// The map is computed in the first iteration of each frame only.
         once_per_frame: bool = false;
         /// The slope of the map enters the derivatives.
@@ -59,6 +61,8 @@ crate::params! {
         affine: bool = true;
         /// The maps are interpolated between the centres of the bins.
         weighted: bool = false;
+        /// How far the contrast that misalignment takes from an expectation is restored: 0 not at all, 1 fully.
+        contrast: f64 = 0.6, in 0.0..=1.0;
         /// The maps are computed in the first iteration of each frame only.
         once_per_frame: bool = false;
         /// The slopes of the maps enter the derivatives.
@@ -93,6 +97,7 @@ macro_rules! options {
                 },
                 windows: $windows,
                 slopes: $p.mapped_gradient,
+                contrast: $p.contrast,
             },
             once_per_frame: $p.once_per_frame,
             approx_feature: $p.approx_feature,
@@ -247,6 +252,8 @@ impl<V: Variant> AppearanceModel for ConditionalVariance<V> {
             derivatives: true,
             symmetric: false,
             metric,
+            gain_bias_invariant: true,
+            masks: false,
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
@@ -333,7 +340,7 @@ impl<V: Variant> AppearanceModel for ConditionalVariance<V> {
         }
     }
     fn likelihood(&self) -> f64 {
-        (-self.options.likelihood_alpha * (0.5 * self.ssd / self.template.len() as f64).sqrt()).exp()
+        libm::exp(-self.options.likelihood_alpha * (0.5 * self.ssd / self.template.len() as f64).sqrt())
     }
     fn feature_len(&self) -> usize {
         self.template.len()

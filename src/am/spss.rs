@@ -2,7 +2,8 @@
 //!
 //! `c = (255 k)²`, `D_i = T_i² + I_i² + c`, `f_i = (2 T_i I_i + c)/D_i`, `f = Σ f_i` with maximum `n`;
 //! `df/dI_i = g_i = 2 (T_i - f_i I_i)/D_i`, the Hessians are diagonal: `-2 (f_i + 2 I_i g_i)/D_i`, self
-//! `-2/(2 I_i² + c)`. Symmetric. The weight of a pixel falls with the square of its intensity.
+//! `-2/(2 I_i² + c)`. Symmetric. The weight of a pixel falls with the square of its intensity down to about `sqrt(c)`, so
+//! a small `k` (the original's is 0.01) lets the noise of dark pixels decide; hence its default.
 //! Losses `1 - f_i = (T_i - I_i)²/D_i` are kept instead of `f_i`: they lose no digits near alignment.
 
 use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
@@ -14,7 +15,7 @@ crate::params! {
     /// Parameters of [`Spss`].
     pub struct SpssParams {
         /// Stabilising constant: c = (255 k)².
-        k: f64 = 0.01, in 1e-6..=10.0;
+        k: f64 = 0.2, in 1e-6..=10.0;
         /// Likelihood exp(-alpha (1 - f/n)): alpha.
         likelihood_alpha: f64 = 100.0, in 0.0..=1e6;
     }
@@ -78,6 +79,8 @@ impl AppearanceModel for Spss {
             derivatives: true,
             symmetric: true,
             metric: Metric::Other,
+            gain_bias_invariant: false,
+            masks: false,
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
@@ -124,7 +127,7 @@ impl AppearanceModel for Spss {
         kernels::weighted_normal_equations(j, &self.weights, &[scratch], &mut out.hessian, &mut out.gradient);
     }
     fn likelihood(&self) -> f64 {
-        (-self.params.likelihood_alpha * self.loss / self.template.len() as f64).exp()
+        libm::exp(-self.params.likelihood_alpha * self.loss / self.template.len() as f64)
     }
     fn feature_len(&self) -> usize {
         self.template.len()

@@ -1,7 +1,9 @@
 //! SSD, sum of squared differences (Hager & Belhumeur 1998; Baker & Matthews 2004).
 //!
-//! `f = -½ Σ e_i²`, `e = I - T`; `df/dI = -e`, `df/dT = e`, every Hessian `-Id`, so `-J'J` in parameters.
+//! `f = -½ Σ e_i²`, `e = I - T`; `df/dI = -e`, `df/dT = e`, every Hessian `-Id`, so `-J'J` in parameters. With a robust
+//! loss or a mask values have weights `w`: `-w e`, `w e`, `-J' diag(w) J`, see [`super::Robust`].
 
+use super::robust::{NOISE, Robust, Weights};
 use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
@@ -10,6 +12,8 @@ use crate::tracker::TrackError;
 crate::params! {
     /// Parameters of [`Ssd`].
     pub struct SsdParams {
+        /// Loss of single differences: none (squares), huber or tukey (M-estimators, scaled by the median difference).
+        robust: Robust = Robust::None;
         /// Likelihood exp(-alpha * RMS difference): alpha.
         likelihood_alpha: f64 = 2.0, in 0.0..=1e6;
     }
@@ -20,9 +24,11 @@ crate::params! {
 pub struct Ssd {
     params: SsdParams,
     template: Vec<f32>,
-    /// `e = I - T`.
+    /// `e = I - T`; with weights `w e`.
     residual: Vec<f32>,
+    /// `-2 f`.
     ssd: f64,
+    weights: Weights,
 }
 
 impl AmModel for Ssd {
@@ -31,23 +37,41 @@ impl AmModel for Ssd {
     const SUMMARY: &'static str = "sum of squared differences";
     fn new(params: SsdParams) -> Self {
         Ssd {
+            weights: Weights::new(params.robust),
             params,
             ..Ssd::default()
         }
     }
 }
 
-/// `h = factor * J'J`.
-pub(super) fn scaled_gram(j: &Jacobian, factor: f64, h: &mut SymMatrix) {
-    kernels::normal_equations(j, &[], h, &mut []);
+/// `h = factor * J'WJ`.
+pub(super) fn scaled_gram(j: &Jacobian, w: &Weights, factor: f64, h: &mut SymMatrix) {
+    w.normal_equations(j, &[], h, &mut []);
     h.scale(factor);
 }
 
-/// `gradient = factor * J'r`, `hessian = curvature * J'J`.
-pub(super) fn least_squares(j: &Jacobian, r: &[f32], factor: f64, curvature: f64, out: &mut Normal) {
-    kernels::normal_equations(j, &[r], &mut out.hessian, &mut out.gradient);
+/// `gradient = factor * J'r`, `hessian = curvature * J'WJ`.
+pub(super) fn least_squares(
+    j: &Jacobian,
+    w: &Weights,
+    r: &[f32],
+    factor: f64,
+    curvature: f64,
+    out: &mut Normal,
+) {
+    w.normal_equations(j, &[r], &mut out.hessian, &mut out.gradient);
     out.hessian.scale(curvature);
     out.gradient.iter_mut().for_each(|g| *g *= factor);
+}
+
+/// Replaces the differences by `w e` if there are weights; `squares` is their sum of squares. Returns `-2 f`.
+pub(super) fn weigh(w: &mut Weights, e: &mut [f32], squares: f64, floor: f64) -> f64 {
+    if !w.used() {
+        return squares;
+    }
+    let loss = w.estimate(e, floor);
+    kernels::multiply(w.get().unwrap_or_default(), e);
+    loss
 }
 
 impl AppearanceModel for Ssd {
@@ -56,6 +80,8 @@ impl AppearanceModel for Ssd {
             derivatives: true,
             symmetric: true,
             metric: Metric::SquaredL2,
+            gain_bias_invariant: false,
+            masks: true,
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
@@ -64,10 +90,18 @@ impl AppearanceModel for Ssd {
         self.residual.clear();
         self.residual.resize(shape.len(), 0.0);
         self.ssd = 0.0;
+        self.weights.reset(shape.len());
         Ok(())
     }
     fn set_current(&mut self, patch: &[f32]) {
-        self.ssd = kernels::subtract(patch, &self.template, &mut self.residual);
+        let squares = kernels::subtract(patch, &self.template, &mut self.residual);
+        self.ssd = weigh(&mut self.weights, &mut self.residual, squares, NOISE);
+    }
+    fn set_mask(&mut self, mask: &[f32]) {
+        self.weights.set_mask(mask);
+    }
+    fn weighted(&self) -> bool {
+        self.weights.used()
     }
     fn similarity(&self) -> f64 {
         -0.5 * self.ssd
@@ -77,10 +111,10 @@ impl AppearanceModel for Ssd {
         kernels::combine(sign, &self.residual, 0.0, &self.residual, out);
     }
     fn hessian_into(&mut self, _side: Side, j: &Jacobian, h: &mut SymMatrix) {
-        scaled_gram(j, -1.0, h);
+        scaled_gram(j, &self.weights, -1.0, h);
     }
     fn self_hessian_into(&mut self, _side: Side, j: &Jacobian, h: &mut SymMatrix) {
-        scaled_gram(j, -1.0, h);
+        scaled_gram(j, &self.weights, -1.0, h);
     }
     fn linearise(
         &mut self,
@@ -91,10 +125,10 @@ impl AppearanceModel for Ssd {
         out: &mut Normal,
     ) {
         let sign = if side == Side::Current { -1.0 } else { 1.0 };
-        least_squares(j, &self.residual, sign, -1.0, out);
+        least_squares(j, &self.weights, &self.residual, sign, -1.0, out);
     }
     fn likelihood(&self) -> f64 {
-        (-self.params.likelihood_alpha * (0.5 * self.ssd / self.template.len() as f64).sqrt()).exp()
+        libm::exp(-self.params.likelihood_alpha * (0.5 * self.ssd / self.template.len() as f64).sqrt())
     }
     fn feature_len(&self) -> usize {
         self.template.len()
@@ -103,13 +137,11 @@ impl AppearanceModel for Ssd {
         out.copy_from_slice(patch);
     }
     fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
-        -0.5 * template
-            .iter()
-            .zip(current)
-            .map(|(t, i)| (i - t) * (i - t))
-            .sum::<f64>()
+        -self
+            .weights
+            .reference(template.iter().zip(current).map(|(t, i)| i - t))
     }
     fn memory(&self) -> usize {
-        8 * self.template.capacity()
+        8 * self.template.capacity() + self.weights.memory()
     }
 }

@@ -191,6 +191,8 @@ impl AppearanceModel for Ssim {
             derivatives: true,
             symmetric: true,
             metric: Metric::Other,
+            gain_bias_invariant: false,
+            masks: false,
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
@@ -251,7 +253,7 @@ impl AppearanceModel for Ssim {
         }
     }
     fn likelihood(&self) -> f64 {
-        (-2.0 * self.params.likelihood_alpha * (1.0 - self.factors.f)).exp()
+        libm::exp(-2.0 * self.params.likelihood_alpha * (1.0 - self.factors.f).max(0.0))
     }
     /// Centred patch, mean, variance.
     fn feature_len(&self) -> usize {

@@ -31,7 +31,9 @@ impl Member {
 
 impl ParamValue for Member {
     fn parse(text: &str) -> Option<Self> {
-        let entry = AMS.iter().find(|e| e.name == text || e.aliases.contains(&text))?;
+        let text = text.to_ascii_lowercase();
+        let known = |e: &&super::AmEntry| e.name == text || e.aliases.contains(&text.as_str());
+        let entry = AMS.iter().find(known)?;
         (entry.name != Sum::NAME).then_some(Member(entry.name))
     }
     fn text(&self) -> String {
@@ -118,6 +120,8 @@ impl AppearanceModel for Sum {
             derivatives: a.derivatives && b.derivatives,
             symmetric: a.symmetric && b.symmetric,
             metric,
+            gain_bias_invariant: a.gain_bias_invariant && b.gain_bias_invariant,
+            masks: a.masks && b.masks,
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
@@ -157,6 +161,12 @@ impl AppearanceModel for Sum {
     }
     fn set_current(&mut self, patch: &[f32]) {
         self.parts.iter_mut().for_each(|p| p.am.set_current(patch));
+    }
+    fn set_mask(&mut self, mask: &[f32]) {
+        self.parts.iter_mut().for_each(|p| p.am.set_mask(mask));
+    }
+    fn weighted(&self) -> bool {
+        self.parts.iter().any(|p| p.am.weighted())
     }
     fn similarity(&self) -> f64 {
         self.parts.iter().map(|p| p.weight * p.am.similarity()).sum()

@@ -26,10 +26,14 @@ pub(super) struct Settings {
     pub windows: Option<(usize, usize)>,
     /// Whether slopes are computed.
     pub slopes: bool,
+    /// How far the lost contrast of the mapped patch is restored to that of the other one: 0 not at all, 1 fully.
+    pub contrast: f64,
 }
 
-/// A line explains less than this variance (gray levels²) of nothing: its slope is kept at one.
+/// Variance (gray levels²) under which a patch has no contrast to map.
 const FLAT: f64 = 1e-4;
+/// Most that a map is stretched.
+const MAX_STRETCH: f64 = 4.0;
 
 /// Tone map `m(v) = v + d(v)` from a patch `a` towards a patch `b`.
 #[derive(Clone, Debug)]
@@ -127,12 +131,24 @@ impl ToneMap {
                 let k = plane * maps + k;
                 if self.settings.shape == Shape::Line {
                     let sums = kernels::line_sums(a, b, self.pivot, self.stride, window);
-                    self.lines[k] = line(sums, window.len() as f64);
+                    self.lines[k] = line(sums, window.len() as f64, self.settings.contrast);
                 } else {
-                    let mut sums = [[0.0; 2]; 256];
-                    kernels::tone_sums(bins, a, b, self.stride, window, &mut sums);
+                    let mut sums = [[0.0; 4]; 256];
+                    kernels::tone_sums(bins, a, b, self.pivot, self.stride, window, &mut sums);
                     let n = self.settings.bins;
-                    table(&sums[..n], &mut self.tables[k * n..(k + 1) * n]);
+                    let table = &mut self.tables[k * n..(k + 1) * n];
+                    means(&sums[..n], table);
+                    if self.settings.contrast > 0.0 {
+                        let whole = kernels::line_sums(a, b, self.pivot, self.stride, window);
+                        raise(
+                            &sums[..n],
+                            whole,
+                            window.len() as f64,
+                            self.settings.contrast,
+                            table,
+                        );
+                    }
+                    fill_gaps(&sums[..n], table);
                 }
             }
         }
@@ -177,41 +193,78 @@ impl ToneMap {
     }
 }
 
-/// Least-squares line of a shift from the sums of `kernels::line_sums` over `n` points.
-fn line([c, cc, d, cd]: [f64; 4], n: f64) -> [f32; 2] {
+/// Factor that restores the contrast lost between two variances, `(other/mapped)^(contrast/2)`.
+fn stretch(other: f64, mapped: f64, contrast: f64) -> f64 {
+    libm::pow((other / mapped).max(1.0), 0.5 * contrast).min(MAX_STRETCH)
+}
+
+/// Least-squares line of a shift from the sums of `kernels::line_sums` over `n` points, stretched.
+fn line([c, cc, d, cd, dd]: [f64; 5], n: f64, contrast: f64) -> [f32; 2] {
     let variance = cc / n - (c / n).powi(2);
-    let gain = if variance > FLAT {
-        (cd / n - c * d / (n * n)) / variance
-    } else {
-        0.0
-    };
+    if variance <= FLAT {
+        return [(d / n) as f32, 0.0];
+    }
+    let covariance = cd / n - c * d / (n * n);
+    let mut gain = covariance / variance;
+    let mapped = (1.0 + gain).powi(2) * variance;
+    if contrast > 0.0 && mapped > FLAT {
+        let other = variance + 2.0 * covariance + dd / n - (d / n).powi(2);
+        gain += (stretch(other, mapped, contrast) - 1.0) * (1.0 + gain);
+    }
     [((d - gain * c) / n) as f32, gain as f32]
 }
 
-/// Mean shift of each bin; empty bins lie on the line between their occupied neighbours, or repeat the outermost one.
-fn table(sums: &[[f64; 2]], out: &mut [f32]) {
-    let mean = |[count, sum]: [f64; 2]| (sum / count) as f32;
-    let mut last: Option<usize> = None;
-    for (k, &s) in sums.iter().enumerate() {
-        if s[0] == 0.0 {
-            continue;
+/// Stretches a table of shifts about the mean of the other patch, to restore the contrast of the mapped one.
+fn raise(sums: &[[f64; 4]], [c, cc, d, cd, dd]: [f64; 5], n: f64, contrast: f64, table: &mut [f32]) {
+    // Both variances from the same sums, so that equal patches give exactly one.
+    let (mut mean, mut square) = (c, cc);
+    for ([count, _, c, _], &shift) in sums.iter().zip(&*table) {
+        let shift = f64::from(shift);
+        mean += count * shift;
+        square += 2.0 * shift * c + count * shift * shift;
+    }
+    let mapped = square / n - (mean / n).powi(2);
+    let other = (cc + (2.0 * cd + dd)) / n - ((c + d) / n).powi(2);
+    if mapped <= FLAT {
+        return;
+    }
+    let k = stretch(other, mapped, contrast) - 1.0;
+    let centre = (c + d) / n;
+    for (t, [count, _, c, _]) in table.iter_mut().zip(sums) {
+        if *count > 0.0 {
+            *t += (k * (c / count + f64::from(*t) - centre)) as f32;
         }
-        out[k] = mean(s);
-        let start = last.map_or(0, |l| l + 1);
-        for e in start..k {
-            out[e] = match last {
-                Some(l) => out[l] + (out[k] - out[l]) * ((e - l) as f32 / (k - l) as f32),
-                None => out[k],
-            };
+    }
+}
+
+/// Mean shift of each occupied bin, zero for the others.
+fn means(sums: &[[f64; 4]], table: &mut [f32]) {
+    for (t, [count, shift, ..]) in table.iter_mut().zip(sums) {
+        *t = if *count > 0.0 { (shift / count) as f32 } else { 0.0 };
+    }
+}
+
+/// Puts empty bins on the line between their occupied neighbours, or repeats the outermost one.
+fn fill_gaps(sums: &[[f64; 4]], table: &mut [f32]) {
+    let mut last: Option<usize> = None;
+    for k in (0..sums.len()).filter(|&k| sums[k][0] > 0.0) {
+        match last {
+            None => {
+                let first = table[k];
+                table[..k].fill(first);
+            }
+            Some(l) => {
+                let (from, rise) = (table[l], table[k] - table[l]);
+                for e in l + 1..k {
+                    table[e] = from + rise * ((e - l) as f32 / (k - l) as f32);
+                }
+            }
         }
         last = Some(k);
     }
-    match last {
-        Some(l) => {
-            let end = out[l];
-            out[l + 1..].fill(end);
-        }
-        None => out.fill(0.0),
+    if let Some(l) = last {
+        let end = table[l];
+        table[l + 1..].fill(end);
     }
 }
 
@@ -233,17 +286,56 @@ mod tests {
             shape,
             windows,
             slopes: true,
+            contrast: 0.0,
         })
     }
 
     #[test]
     fn gaps_between_bins_are_filled() {
         let mut out = [9.0; 7];
-        let o = [0.0, 0.0];
-        table(&[o, [2.0, 4.0], o, o, [1.0, 8.0], o, o], &mut out);
+        let o = [0.0; 4];
+        let at = |count: f64, sum: f64| [count, sum, 0.0, 0.0];
+        let sums = [o, at(2.0, 4.0), o, o, at(1.0, 8.0), o, o];
+        means(&sums, &mut out);
+        fill_gaps(&sums, &mut out);
         assert_eq!(out, [2.0, 2.0, 4.0, 6.0, 8.0, 8.0, 8.0]);
-        table(&[o; 7], &mut out);
+        means(&[o; 7], &mut out);
+        fill_gaps(&[o; 7], &mut out);
         assert_eq!(out, [0.0; 7]);
+    }
+
+    #[test]
+    fn contrast_is_kept_however_loose_the_relation() {
+        let shape = shape(1);
+        let n = shape.len();
+        let value = |i: usize, k: usize| ((i * k) % 157) as f32 + 40.0;
+        let a: Vec<f32> = (0..n).map(|i| value(i, 37)).collect();
+        let b: Vec<f32> = (0..n).map(|i| 0.5 * a[i] + 0.3 * value(i, 91)).collect();
+        let variance = |x: &[f32]| {
+            let mean = x.iter().sum::<f32>() / n as f32;
+            x.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / n as f32
+        };
+        for kind in [Shape::Step, Shape::Linear, Shape::Line] {
+            for contrast in [0.0, 1.0] {
+                let mut map = map(kind, None);
+                map.settings.contrast = contrast;
+                map.resize(shape);
+                map.fit(&a, &b);
+                let (mut d, mut mapped) = (vec![0.0; n], a.clone());
+                map.apply(&a, &mut d, &mut []);
+                mapped.iter_mut().zip(&d).for_each(|(m, d)| *m += d);
+                let ratio = variance(&mapped) / variance(&b);
+                if contrast == 1.0 {
+                    // Interpolation between bins rounds the map's corners.
+                    assert!((ratio - 1.0).abs() < 0.05, "{kind:?}: {ratio}");
+                } else {
+                    assert!(ratio < 0.9, "{kind:?}: {ratio}");
+                }
+                map.fit(&a, &a);
+                map.apply(&a, &mut d, &mut []);
+                assert!(d.iter().all(|&d| d == 0.0), "{kind:?}");
+            }
+        }
     }
 
     #[test]

@@ -140,6 +140,9 @@ pub struct TrackerArgs {
     /// State space models [default: homography]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub ssm: Vec<String>,
+    /// Illumination models: gb, pgb, rbf, none or `all` [default: none]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub ilm: Vec<String>,
     /// A tracker by expression, such as `iclk/ssd+gb/affine{max_iters=50}`; repeatable
     #[arg(long = "tracker", value_name = "EXPR")]
     pub expressions: Vec<String>,
@@ -270,6 +273,8 @@ pub enum ListWhat {
     Am,
     /// State space models
     Ssm,
+    /// Illumination models
+    Ilm,
     /// Every valid single-layer combination, and why the others are refused
     Trackers,
     /// Every parameter with default and range

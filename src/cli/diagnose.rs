@@ -16,7 +16,7 @@ use std::sync::Arc;
 ///
 /// For each appearance model: gradients and Hessians with respect to the pixels of a pair of patches. For each state
 /// space model: its four Jacobians and pixel Hessians on an analytic image. For each pair of them: the gradient of the
-/// similarity of a warped real image. Fails (exit code 10) when an error exceeds its tolerance.
+/// similarity of a warped real image. With --ilm, the last two with respect to illumination parameters too. Fails (exit code 10) when an error exceeds its tolerance.
 #[derive(clap::Args, Debug)]
 pub struct DiagnoseArgs {
     /// Dataset whose frames supply the patches [default: the embedded one]
@@ -27,6 +27,9 @@ pub struct DiagnoseArgs {
     /// State space models
     #[arg(long, value_name = "LIST", default_value = "all")]
     pub ssm: String,
+    /// Illumination models: derivatives by their parameters as well
+    #[arg(long, value_name = "LIST", default_value = "none")]
+    pub ilm: String,
     /// Sequence (name); the first one by default
     #[arg(long, value_name = "NAME")]
     pub seq: Option<String>,
@@ -71,6 +74,7 @@ pub fn run(args: &DiagnoseArgs) -> Outcome {
     let registry = Registry::builtin();
     let ams = registry.select_ams(&args.am).map_err(Failure::usage)?;
     let ssms = registry.select_ssms(&args.ssm).map_err(Failure::usage)?;
+    let ilms = registry.select_ilms(&args.ilm).map_err(Failure::usage)?;
     let path = args.data.clone().unwrap_or_else(|| dataset::BUILTIN.into());
     let data = dataset::load(&path, &LoadOptions::default()).map_err(Failure::usage)?;
     let sequence = match &args.seq {
@@ -125,6 +129,9 @@ pub fn run(args: &DiagnoseArgs) -> Outcome {
     let mut checks = Vec::new();
     for am in &ams {
         checks.extend(diagnose::appearance(am, &pair, 6, args.seed).map_err(Failure::usage)?);
+        for ilm in &ilms {
+            checks.extend(diagnose::illumination(am, ilm, &pair, 6, args.seed).map_err(Failure::usage)?);
+        }
     }
     for ssm in &ssms {
         checks
@@ -132,8 +139,11 @@ pub fn run(args: &DiagnoseArgs) -> Outcome {
     }
     for am in &ams {
         for ssm in &ssms {
-            let chain = diagnose::chain(am, ssm, images, &corners, args.res, args.state, args.seed);
-            checks.extend(chain.map_err(Failure::usage)?);
+            for ilm in &ilms {
+                let (res, state, seed) = (args.res, args.state, args.seed);
+                let chain = diagnose::chain(am, ssm, ilm, images, &corners, res, state, seed);
+                checks.extend(chain.map_err(Failure::usage)?);
+            }
         }
     }
     report(&checks, args.format)

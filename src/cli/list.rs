@@ -26,7 +26,7 @@ pub fn run(args: &ListArgs) -> Outcome {
     let registry = Registry::builtin();
     let listings = match args.what {
         Some(what) => vec![listing(what, &registry, &args.data)?],
-        None => [ListWhat::Sm, ListWhat::Am, ListWhat::Ssm]
+        None => [ListWhat::Sm, ListWhat::Am, ListWhat::Ssm, ListWhat::Ilm]
             .into_iter()
             .map(|what| listing(what, &registry, &args.data))
             .collect::<Result<_, _>>()?,
@@ -68,7 +68,10 @@ fn listing(what: ListWhat, registry: &Registry, data: &[PathBuf]) -> Result<List
             let rows = registry
                 .ams()
                 .iter()
-                .map(|e| row(&[e.name, &e.aliases.join(" "), e.summary]))
+                .map(|e| {
+                    let colour = format!("{} mc{}", e.aliases.join(" "), e.name);
+                    row(&[e.name, colour.trim_start(), e.summary])
+                })
                 .collect();
             ("appearance models", vec!["name", "aliases", "description"], rows)
         }
@@ -80,12 +83,25 @@ fn listing(what: ListWhat, registry: &Registry, data: &[PathBuf]) -> Result<List
                 .collect();
             ("state space models", vec!["name", "aliases", "description"], rows)
         }
+        ListWhat::Ilm => {
+            let rows = registry
+                .ilms()
+                .iter()
+                .map(|e| row(&[e.name, &e.aliases.join(" "), e.summary]))
+                .collect();
+            (
+                "illumination models",
+                vec!["name", "aliases", "description"],
+                rows,
+            )
+        }
         ListWhat::Trackers => {
             let all = || vec!["all".to_owned()];
             let everything = Selection {
                 sm: all(),
                 am: all(),
                 ssm: all(),
+                ilm: all(),
                 ..Selection::default()
             };
             let expansion = registry.expand(&everything).map_err(Failure::usage)?;
@@ -124,6 +140,10 @@ fn listing(what: ListWhat, registry: &Registry, data: &[PathBuf]) -> Result<List
                 .ssms()
                 .iter()
                 .for_each(|e| add("ssm", e.name, (e.params)()));
+            registry
+                .ilms()
+                .iter()
+                .for_each(|e| add("ilm", e.name, (e.params)()));
             (
                 "parameters",
                 vec!["parameter", "default", "allowed", "description"],

@@ -191,11 +191,13 @@ fn trackers(
         sm: args.sm.clone(),
         am: args.am.clone(),
         ssm: args.ssm.clone(),
+        ilm: args.ilm.clone(),
         trackers: args.expressions.clone(),
         set: common.chain(args.set.clone()).collect(),
     };
     // Expressions alone are all there is; else what is not named is the default.
-    if args.expressions.is_empty() || !(args.sm.is_empty() && args.am.is_empty() && args.ssm.is_empty()) {
+    let lists = [&args.sm, &args.am, &args.ssm, &args.ilm];
+    if args.expressions.is_empty() || lists.iter().any(|l| !l.is_empty()) {
         for (list, default) in [
             (&mut selection.sm, "esm"),
             (&mut selection.am, "ssd"),

@@ -54,6 +54,17 @@ impl SymMatrix {
             *x = a * *x + b * y;
         }
     }
+    /// Adds `block`, of an order not larger, to the upper left.
+    pub fn add_block(&mut self, block: &SymMatrix) {
+        for i in 0..block.n {
+            for (x, y) in self.a[i * self.n..]
+                .iter_mut()
+                .zip(&block.a[i * block.n..][..block.n])
+            {
+                *x += y;
+            }
+        }
+    }
     /// Copies `other`, which has the same order.
     pub fn copy_from(&mut self, other: &SymMatrix) {
         self.a.copy_from_slice(&other.a);

@@ -82,6 +82,8 @@ pub trait Lanes: Copy {
     /// Lane-wise maximum (of `b` when a lane of `self` is NaN).
     fn max(self, b: Self) -> Self;
 
+    /// 1 where the lane is below that of `b`, else 0 (also for NaN).
+    fn less(self, b: Self) -> Self;
     /// Largest whole number not above each lane.
     fn floor(self) -> Self;
     /// True when every lane is in `[lo, hi]`; false for NaN.
@@ -224,6 +226,10 @@ impl Lanes for Portable {
         self.zip(b, |a, b| if a > b { a } else { b })
     }
     #[inline(always)]
+    fn less(self, b: Self) -> Self {
+        self.zip(b, |a, b| if a < b { 1.0 } else { 0.0 })
+    }
+    #[inline(always)]
     fn floor(self) -> Self {
         Portable(self.0.map(f32::floor))
     }
@@ -349,6 +355,10 @@ mod x86 {
         #[inline(always)]
         fn max(self, b: Self) -> Self {
             Avx2(unsafe { _mm256_max_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn less(self, b: Self) -> Self {
+            Avx2(unsafe { _mm256_and_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, b.0), _mm256_set1_ps(1.0)) })
         }
         #[inline(always)]
         fn floor(self) -> Self {

@@ -5,34 +5,38 @@
 
 mod blend;
 pub mod blur;
+mod filter;
 pub mod gray;
 pub mod hist;
 mod lanes;
 mod normal;
+mod photometric;
 mod pixelwise;
 mod reduce;
+mod robust;
 mod sample;
 mod steepest;
 pub mod stencil;
 mod tone;
 mod warp;
-mod weighted;
 
 pub use blend::{accumulate, product, row_times, scale_shift};
+pub use filter::{Pass, filter_pass, subtract_combination};
 #[cfg(target_arch = "x86_64")]
 pub use lanes::Avx2;
 pub(crate) use lanes::dispatch;
 pub use lanes::{Lanes, Portable, SimdLevel, WIDTH, simd_level};
 pub use normal::{Jacobian, normal_equations, project, weighted_normal_equations};
+pub use photometric::{light, multiply, unlight};
 pub use pixelwise::{
     absolute_distance, affine_product, ratio_variation, reciprocal, spss_curvature, spss_distance,
     spss_gradient, spss_losses, spss_self, weighted_difference,
 };
 pub use reduce::{add_scaled, combine, dot, rescale, squared_distance, subtract, subtract_from, sum};
+pub use robust::{add_steep, huber, keep_close, tukey, weighted_squares};
 pub use sample::{Border, Grid2, image_hessian, sample, sample_gradient, sample_reference};
 pub use steepest::{Column, Covectors, steepest, steepest_reference};
 pub use tone::{
     Window, line_shift, line_sums, linear_shift, shifted_residual, step_shift, tone_bins, tone_sums,
 };
 pub use warp::warp_projective;
-pub use weighted::weighted_gram;

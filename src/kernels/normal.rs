@@ -50,12 +50,25 @@ impl Jacobian {
     pub fn memory(&self) -> usize {
         self.data.capacity() * size_of::<f32>()
     }
+    /// Copies `other`. Allocates only when it grows.
+    pub fn copy_from(&mut self, other: &Jacobian) {
+        self.resize(other.rows, other.cols);
+        self.data.copy_from_slice(&other.data);
+    }
     /// `self = (self + other) / 2`.
     pub fn average_with(&mut self, other: &Jacobian) {
         debug_assert_eq!((self.rows, self.cols), (other.rows, other.cols));
         for (a, b) in self.data.iter_mut().zip(&other.data) {
             *a = 0.5 * (*a + b);
         }
+    }
+}
+
+/// Same shape and same elements.
+impl PartialEq for Jacobian {
+    fn eq(&self, other: &Self) -> bool {
+        (self.rows, self.cols) == (other.rows, other.cols)
+            && (0..self.cols).all(|k| self.col(k) == other.col(k))
     }
 }
 
@@ -186,33 +199,42 @@ fn tile<V: Lanes, const WEIGHTED: bool>(
     let (rows, cols) = (rows.map(|r| &r[..n]), cols.map(|c| &c[..n]));
     let w = if WEIGHTED { &w[..n] } else { w };
     let mut i = 0;
-    while i < n {
-        let full = i + WIDTH <= n;
-        let load = |s: &[f32]| {
-            if full {
-                V::load(&s[i..i + WIDTH])
-            } else {
-                V::load_partial(&s[i..])
-            }
-        };
-        let a = rows.map(load);
-        let mut b = cols.map(load);
+    while i + WIDTH <= n {
+        let a = rows.map(|r| V::load(&r[i..i + WIDTH]));
+        let mut b = cols.map(|c| V::load(&c[i..i + WIDTH]));
         if WEIGHTED {
-            let w = load(w);
-            for q in 0..TILE {
-                if weighted[q] {
-                    b[q] = b[q].mul(w);
-                }
-            }
+            weigh(V::load(&w[i..i + WIDTH]), weighted, &mut b);
         }
-        for p in 0..TILE {
-            for q in 0..TILE {
-                acc[p][q] = a[p].mul_add(b[q], acc[p][q]);
-            }
-        }
+        multiply(a, b, &mut acc);
         i += WIDTH;
     }
+    if i < n {
+        let a = rows.map(|r| V::load_partial(&r[i..]));
+        let mut b = cols.map(|c| V::load_partial(&c[i..]));
+        if WEIGHTED {
+            weigh(V::load_partial(&w[i..]), weighted, &mut b);
+        }
+        multiply(a, b, &mut acc);
+    }
     acc
+}
+
+#[inline(always)]
+fn weigh<V: Lanes>(w: V, weighted: [bool; TILE], b: &mut [V; TILE]) {
+    for q in 0..TILE {
+        if weighted[q] {
+            b[q] = b[q].mul(w);
+        }
+    }
+}
+
+#[inline(always)]
+fn multiply<V: Lanes>(a: [V; TILE], b: [V; TILE], acc: &mut [[V; TILE]; TILE]) {
+    for p in 0..TILE {
+        for q in 0..TILE {
+            acc[p][q] = a[p].mul_add(b[q], acc[p][q]);
+        }
+    }
 }
 
 #[cfg(test)]

@@ -43,8 +43,8 @@ impl Window {
 dispatch! {
     /// Bin of each value: `floor(a_i * per_level)`, held to `0..=last`.
     pub fn tone_bins(a: &[f32], per_level: f32, last: u8, out: &mut [u8]) = bins_lanes;
-    /// `[Σ (a - pivot), Σ (a - pivot)², Σ (b - a), Σ (a - pivot)(b - a)]` over a window of patches of `stride` columns.
-    pub fn line_sums(a: &[f32], b: &[f32], pivot: f32, stride: usize, window: Window) -> [f64; 4] = line_sums_lanes;
+    /// `[Σ c, Σ c², Σ δ, Σ c δ, Σ δ²]` with `c = a - pivot`, `δ = b - a` over a window of patches of `stride` columns.
+    pub fn line_sums(a: &[f32], b: &[f32], pivot: f32, stride: usize, window: Window) -> [f64; 5] = line_sums_lanes;
     /// Shift `d` of each value, constant within a bin: `tables[w * bins + bin]` for window `w`, blended. `slope`, when
     /// not empty, receives `dm/dv` from the neighbouring bins.
     pub fn step_shift(
@@ -65,21 +65,25 @@ dispatch! {
     pub fn shifted_residual(a: &[f32], shift: &[f32], b: &[f32], out: &mut [f32]) -> f64 = residual_lanes;
 }
 
-/// Adds count and `Σ (b - a)` of each bin over a window of patches of `stride` columns.
+/// Adds `[count, Σ δ, Σ c, Σ c²]` of each bin over a window of patches of `stride` columns, `c = a - pivot` and
+/// `δ = b - a`.
 pub fn tone_sums(
     bins: &[u8],
     a: &[f32],
     b: &[f32],
+    pivot: f32,
     stride: usize,
     window: Window,
-    sums: &mut [[f64; 2]; 256],
+    sums: &mut [[f64; 4]; 256],
 ) {
     for range in window.ranges(stride) {
         let (bins, a, b) = (&bins[range.clone()], &a[range.clone()], &b[range]);
         for ((&k, &a), &b) in bins.iter().zip(a).zip(b) {
-            let [count, sum] = &mut sums[usize::from(k)];
-            *count += 1.0;
-            *sum += f64::from(b - a);
+            let c = f64::from(a - pivot);
+            let add = [1.0, f64::from(b - a), c, c * c];
+            for (s, v) in sums[usize::from(k)].iter_mut().zip(add) {
+                *s += v;
+            }
         }
     }
 }
@@ -97,11 +101,11 @@ fn bins_lanes<V: Lanes>(a: &[f32], per_level: f32, last: u8, out: &mut [u8]) {
 }
 
 #[inline(always)]
-fn line_sums_lanes<V: Lanes>(a: &[f32], b: &[f32], pivot: f32, stride: usize, window: Window) -> [f64; 4] {
-    let mut total = [0.0; 4];
+fn line_sums_lanes<V: Lanes>(a: &[f32], b: &[f32], pivot: f32, stride: usize, window: Window) -> [f64; 5] {
+    let mut total = [0.0; 5];
     for range in window.ranges(stride) {
         let (a, b) = (&a[range.clone()], &b[range]);
-        let mut acc = [V::splat(0.0); 4];
+        let mut acc = [V::splat(0.0); 5];
         let full = a.len() - a.len() % WIDTH;
         for i in (0..full).step_by(WIDTH) {
             let (v, o) = (V::load(&a[i..]), V::load(&b[i..]));
@@ -110,6 +114,7 @@ fn line_sums_lanes<V: Lanes>(a: &[f32], b: &[f32], pivot: f32, stride: usize, wi
             acc[1] = c.mul_add(c, acc[1]);
             acc[2] = acc[2].add(d);
             acc[3] = c.mul_add(d, acc[3]);
+            acc[4] = d.mul_add(d, acc[4]);
             // Long rows are widened now and then.
             if i % (64 * WIDTH) == 63 * WIDTH {
                 for (t, s) in total.iter_mut().zip(&mut acc) {
@@ -123,7 +128,7 @@ fn line_sums_lanes<V: Lanes>(a: &[f32], b: &[f32], pivot: f32, stride: usize, wi
         }
         for (&v, &o) in a[full..].iter().zip(&b[full..]) {
             let (c, d) = (f64::from(v) - f64::from(pivot), f64::from(o - v));
-            for (t, s) in total.iter_mut().zip([c, c * c, d, c * d]) {
+            for (t, s) in total.iter_mut().zip([c, c * c, d, c * d, d * d]) {
                 *t += s;
             }
         }
@@ -131,44 +136,79 @@ fn line_sums_lanes<V: Lanes>(a: &[f32], b: &[f32], pivot: f32, stride: usize, wi
     total
 }
 
-/// Blends the windows' maps at each point with weights `1 / (1 + |x - centre|²)`, normalised. `at(w, i)` returns shift
-/// and slope minus one of window `w` at the points from `i` on.
+/// A map per window. A trait with always inlined methods, not a closure, so that it takes part in the caller's
+/// instruction set.
+trait Maps<V>: Copy {
+    /// Shift and slope minus one of window `w` at the points from `i` on.
+    fn at(self, w: usize, i: usize, sloped: bool) -> [V; 2];
+}
+
+/// Blends the windows' maps at each point with weights `1 / (1 + |x - centre|²)`, normalised.
 #[inline(always)]
 fn blend<V: Lanes>(
     stride: usize,
     windows: &[Window],
+    maps: impl Maps<V>,
     out: &mut [f32],
     slope: &mut [f32],
-    mut at: impl FnMut(usize, usize) -> [V; 2],
 ) {
     let ramp = V::from_array(std::array::from_fn(|l| l as f32));
     let sloped = !slope.is_empty();
-    let rows = out.len() / stride;
-    for y in 0..rows {
+    for y in 0..out.len() / stride {
         for x in (0..stride).step_by(WIDTH) {
             let i = y * stride + x;
-            let [d, s] = if windows.len() == 1 {
-                at(0, i)
-            } else {
-                let column = ramp.add(V::splat(x as f32));
-                let (mut weights, mut shift, mut extra) = (V::splat(0.0), V::splat(0.0), V::splat(0.0));
-                for (k, window) in windows.iter().enumerate() {
+            let column = ramp.add(V::splat(x as f32));
+            let (mut weights, mut shift, mut extra) = (V::splat(0.0), V::splat(0.0), V::splat(0.0));
+            for (k, window) in windows.iter().enumerate() {
+                let [d, s] = maps.at(k, i, sloped);
+                if windows.len() == 1 {
+                    (weights, shift, extra) = (V::splat(1.0), d, s);
+                } else {
                     let [cx, cy] = window.centre();
                     let (dx, dy) = (column.sub(V::splat(cx)), y as f32 - cy);
                     let w = V::splat(1.0).div(dx.mul_add(dx, V::splat(dy * dy + 1.0)));
-                    let [d, s] = at(k, i);
                     weights = weights.add(w);
                     shift = w.mul_add(d, shift);
-                    extra = w.mul_add(s, extra);
+                    if sloped {
+                        extra = w.mul_add(s, extra);
+                    }
                 }
-                [shift.div(weights), extra.div(weights)]
-            };
+            }
             let end = (i + WIDTH).min((y + 1) * stride);
-            d.store_at(&mut out[i..end], 0);
+            shift.div(weights).store_at(&mut out[i..end], 0);
             if sloped {
-                s.add(V::splat(1.0)).store_at(&mut slope[i..end], 0);
+                let s = extra.div(weights).add(V::splat(1.0));
+                s.store_at(&mut slope[i..end], 0);
             }
         }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Steps<'a> {
+    indices: &'a [u8],
+    per_level: f32,
+    tables: &'a [f32],
+    bins: usize,
+}
+
+impl<V: Lanes> Maps<V> for Steps<'_> {
+    #[inline(always)]
+    fn at(self, w: usize, i: usize, sloped: bool) -> [V; 2] {
+        let table = &self.tables[w * self.bins..(w + 1) * self.bins];
+        let end = (i + WIDTH).min(self.indices.len());
+        let indices = &self.indices[i..end];
+        let (mut shift, mut rise) = ([0.0; WIDTH], [0.0; WIDTH]);
+        for (l, &k) in indices.iter().enumerate() {
+            let k = usize::from(k).min(self.bins - 1);
+            shift[l] = table[k];
+            if sloped {
+                let (low, high) = (k.saturating_sub(1), (k + 1).min(self.bins - 1));
+                rise[l] = (table[high] - table[low]) / (high - low).max(1) as f32;
+            }
+        }
+        let rise = V::from_array(rise).mul(V::splat(self.per_level));
+        [V::from_array(shift), rise]
     }
 }
 
@@ -183,20 +223,42 @@ fn step_lanes<V: Lanes>(
     slope: &mut [f32],
 ) {
     let bins = tables.len() / windows.len();
-    let sloped = !slope.is_empty();
-    blend::<V>(stride, windows, out, slope, |w, i| {
-        let table = &tables[w * bins..(w + 1) * bins];
-        let index = |l: usize| usize::from(indices[(i + l).min(indices.len() - 1)]).min(bins - 1);
-        let shift = V::from_array(std::array::from_fn(|l| table[index(l)]));
-        if !sloped {
-            return [shift, V::splat(0.0)];
+    let maps = Steps {
+        indices,
+        per_level,
+        tables,
+        bins,
+    };
+    blend::<V>(stride, windows, maps, out, slope);
+}
+
+#[derive(Clone, Copy)]
+struct Polylines<'a> {
+    a: &'a [f32],
+    per_level: f32,
+    tables: &'a [f32],
+    bins: usize,
+}
+
+impl<V: Lanes> Maps<V> for Polylines<'_> {
+    #[inline(always)]
+    fn at(self, w: usize, i: usize, _sloped: bool) -> [V; 2] {
+        let table = &self.tables[w * self.bins..(w + 1) * self.bins];
+        let v = V::load_at(self.a, i).mul_add(V::splat(self.per_level), V::splat(-0.5));
+        let position = v.max(V::splat(0.0)).min(V::splat((self.bins - 1) as f32));
+        let low = position.floor();
+        let (mut start, mut end) = ([0.0; WIDTH], [0.0; WIDTH]);
+        for (l, k) in low.to_array().into_iter().enumerate() {
+            // Through i32, which converts in one instruction; the value is a small whole number.
+            let k = (k as i32 as usize).min(self.bins - 1);
+            start[l] = table[k];
+            end[l] = table[(k + 1).min(self.bins - 1)];
         }
-        let rise = V::from_array(std::array::from_fn(|l| {
-            let (low, high) = (index(l).saturating_sub(1), (index(l) + 1).min(bins - 1));
-            (table[high] - table[low]) / (high - low).max(1) as f32
-        }));
-        [shift, rise.mul(V::splat(per_level))]
-    });
+        let start = V::from_array(start);
+        let rise = V::from_array(end).sub(start);
+        let shift = position.sub(low).mul_add(rise, start);
+        [shift, rise.mul(V::splat(self.per_level))]
+    }
 }
 
 #[inline(always)]
@@ -210,25 +272,29 @@ fn linear_lanes<V: Lanes>(
     slope: &mut [f32],
 ) {
     let bins = tables.len() / windows.len();
-    let top = V::splat((bins - 1) as f32);
-    blend::<V>(stride, windows, out, slope, |w, i| {
-        let table = &tables[w * bins..(w + 1) * bins];
-        let v = V::load_at(a, i).mul_add(V::splat(per_level), V::splat(-0.5));
-        let position = v.max(V::splat(0.0)).min(top);
-        let low = position.floor();
-        let index = low.to_array();
-        let tap = |k: usize| {
-            V::from_array(std::array::from_fn(|l| {
-                table[(index[l] as usize + k).min(bins - 1)]
-            }))
-        };
-        let start = tap(0);
-        let rise = tap(1).sub(start);
-        [
-            position.sub(low).mul_add(rise, start),
-            rise.mul(V::splat(per_level)),
-        ]
-    });
+    let maps = Polylines {
+        a,
+        per_level,
+        tables,
+        bins,
+    };
+    blend::<V>(stride, windows, maps, out, slope);
+}
+
+#[derive(Clone, Copy)]
+struct Lines<'a> {
+    a: &'a [f32],
+    pivot: f32,
+    lines: &'a [[f32; 2]],
+}
+
+impl<V: Lanes> Maps<V> for Lines<'_> {
+    #[inline(always)]
+    fn at(self, w: usize, i: usize, _sloped: bool) -> [V; 2] {
+        let [offset, gain] = self.lines[w];
+        let v = V::load_at(self.a, i).sub(V::splat(self.pivot));
+        [v.mul_add(V::splat(gain), V::splat(offset)), V::splat(gain)]
+    }
 }
 
 #[inline(always)]
@@ -241,11 +307,7 @@ fn line_lanes<V: Lanes>(
     out: &mut [f32],
     slope: &mut [f32],
 ) {
-    blend::<V>(stride, windows, out, slope, |w, i| {
-        let [offset, gain] = lines[w];
-        let v = V::load_at(a, i).sub(V::splat(pivot));
-        [v.mul_add(V::splat(gain), V::splat(offset)), V::splat(gain)]
-    });
+    blend::<V>(stride, windows, Lines { a, pivot, lines }, out, slope);
 }
 
 #[inline(always)]
@@ -320,9 +382,9 @@ mod tests {
             for (k, a) in bins.iter().zip(&a) {
                 prop_assert_eq!(usize::from(*k), ((a / 16.0) as usize).min(BINS - 1));
             }
-            let mut sums = [[0.0; 2]; 256];
+            let mut sums = [[0.0; 4]; 256];
             let window = *windows.last().unwrap();
-            tone_sums(&bins, &a, &b, cols, window, &mut sums);
+            tone_sums(&bins, &a, &b, 100.0, cols, window, &mut sums);
             prop_assert_eq!(sums.iter().map(|s| s[0]).sum::<f64>(), window.len() as f64);
             let expected: Vec<[f64; 2]> = window
                 .ranges(cols)
@@ -330,10 +392,15 @@ mod tests {
                 .map(|i| [f64::from(a[i]) - 100.0, f64::from(b[i]) - f64::from(a[i])])
                 .collect();
             let total = |f: &dyn Fn(&[f64; 2]) -> f64| expected.iter().map(f).sum::<f64>();
-            prop_assert!((sums.iter().map(|s| s[1]).sum::<f64>() - total(&|e| e[1])).abs() < 1e-3);
+            for (k, e) in [(1, total(&|e| e[1])), (2, total(&|e| e[0])), (3, total(&|e| e[0] * e[0]))] {
+                prop_assert!((sums.iter().map(|s| s[k]).sum::<f64>() - e).abs() < 1e-6 * 65025.0 * n as f64);
+            }
             let line = line_sums(&a, &b, 100.0, cols, window);
             prop_assert_eq!(line, line_sums_lanes::<Portable>(&a, &b, 100.0, cols, window));
-            let exact = [total(&|e| e[0]), total(&|e| e[0] * e[0]), total(&|e| e[1]), total(&|e| e[0] * e[1])];
+            let exact = [
+                total(&|e| e[0]), total(&|e| e[0] * e[0]), total(&|e| e[1]), total(&|e| e[0] * e[1]),
+                total(&|e| e[1] * e[1]),
+            ];
             for (l, e) in line.iter().zip(exact) {
                 prop_assert!((l - e).abs() < 1e-6 * 65025.0 * n as f64);
             }

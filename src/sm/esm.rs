@@ -5,7 +5,8 @@
 //! with Hessians of one patch, see [`Hessian`].
 
 use super::fclk::initial_self;
-use super::gradient::{Hessian, Kit, LkMethod};
+use super::gradient::{Hessian, LkMethod};
+use super::kit::Kit;
 use crate::am::{AppearanceModel, Normal, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::Jacobian;
@@ -66,7 +67,7 @@ impl LkMethod for EsmMethod {
     }
     fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
         (self.j0, self.initial) = initial_self(kit, JacobianKind::Template);
-        self.other = Normal::new(kit.ssm.dof());
+        self.other = Normal::new(kit.dof());
     }
     fn linearise<A: AppearanceModel, S: StateSpaceModel>(
         &mut self,

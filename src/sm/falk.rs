@@ -1,15 +1,15 @@
 //! FALK, forward additive Lucas-Kanade (Lucas & Kanade 1981): `J = ∇I_t w_p(p)`, gradient `f_t J`, `p <- p + Δ`.
 
-use super::fclk::{forward, initial_self};
-use super::gradient::{Hessian, Kit, LkMethod};
+use super::fclk::{Constant, forward, initial_self};
+use super::gradient::{Hessian, LkMethod};
+use super::kit::Kit;
 use crate::am::{AppearanceModel, Normal};
-use crate::geom::solve::SymMatrix;
 use crate::params::NoParams;
 use crate::ssm::{Increment, JacobianKind, StateSpaceModel};
 
 /// Forward additive method.
 pub struct FalkMethod {
-    initial: SymMatrix,
+    initial: Constant,
 }
 
 impl LkMethod for FalkMethod {
@@ -22,7 +22,7 @@ impl LkMethod for FalkMethod {
 
     fn new(_: NoParams) -> Self {
         FalkMethod {
-            initial: SymMatrix::new(0),
+            initial: Constant::default(),
         }
     }
     fn reads_gradient(_: Hessian) -> bool {
@@ -30,7 +30,7 @@ impl LkMethod for FalkMethod {
     }
     fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
         if kit.hess == Hessian::InitialSelf {
-            self.initial = initial_self(kit, JacobianKind::Template).1;
+            self.initial = initial_self(kit, JacobianKind::Template);
         }
     }
     fn linearise<A: AppearanceModel, S: StateSpaceModel>(
@@ -38,9 +38,9 @@ impl LkMethod for FalkMethod {
         kit: &mut Kit<'_, A, S>,
         out: &mut Normal,
     ) {
-        forward(kit, JacobianKind::Additive, &self.initial, out);
+        forward(kit, JacobianKind::Additive, &mut self.initial, out);
     }
     fn memory(&self) -> usize {
-        0
+        self.initial.0.memory()
     }
 }

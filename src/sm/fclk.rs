@@ -1,21 +1,25 @@
 //! FCLK, forward compositional Lucas-Kanade (Shum & Szeliski 2000): `J = ∇I_t w_x(p) w_p(0)`, gradient `f_t J`,
 //! `p <- p ∘ Δ`.
 
-use super::gradient::{Hessian, Kit, LkMethod};
+use super::gradient::{Hessian, LkMethod};
+use super::kit::Kit;
 use crate::am::{AppearanceModel, Normal, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::Jacobian;
 use crate::params::NoParams;
 use crate::ssm::{Increment, JacobianKind, StateSpaceModel};
 
+/// Jacobian and self Hessian of the template.
+pub(super) type Constant = (Jacobian, SymMatrix);
+
 /// Self Hessian of the template with its own Jacobian: the constant Hessian of type `initial_self`.
 pub(super) fn initial_self<A: AppearanceModel, S: StateSpaceModel>(
     kit: &mut Kit<'_, A, S>,
     kind: JacobianKind,
-) -> (Jacobian, SymMatrix) {
+) -> Constant {
     let mut j0 = Jacobian::default();
     kit.template_jacobian(kind, &mut j0);
-    let mut h = SymMatrix::new(kit.ssm.dof());
+    let mut h = SymMatrix::new(kit.dof());
     kit.am.self_hessian_into(Side::Template, &j0, &mut h);
     (j0, h)
 }
@@ -24,21 +28,23 @@ pub(super) fn initial_self<A: AppearanceModel, S: StateSpaceModel>(
 pub(super) fn forward<A: AppearanceModel, S: StateSpaceModel>(
     kit: &mut Kit<'_, A, S>,
     kind: JacobianKind,
-    initial: &SymMatrix,
+    initial: &mut Constant,
     out: &mut Normal,
 ) {
-    kit.compute_jacobian(kind);
     if kit.hess == Hessian::InitialSelf {
+        kit.follow_template(&mut initial.0, &mut initial.1);
+        kit.compute_jacobian(kind);
         kit.gradient(Side::Current, &mut out.gradient);
-        out.hessian.copy_from(initial);
+        out.hessian.copy_from(&initial.1);
     } else {
+        kit.compute_jacobian(kind);
         kit.linearise(Side::Current, kind, out);
     }
 }
 
 /// Forward compositional method.
 pub struct FclkMethod {
-    initial: SymMatrix,
+    initial: Constant,
 }
 
 impl LkMethod for FclkMethod {
@@ -51,7 +57,7 @@ impl LkMethod for FclkMethod {
 
     fn new(_: NoParams) -> Self {
         FclkMethod {
-            initial: SymMatrix::new(0),
+            initial: Constant::default(),
         }
     }
     fn reads_gradient(_: Hessian) -> bool {
@@ -59,7 +65,7 @@ impl LkMethod for FclkMethod {
     }
     fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
         if kit.hess == Hessian::InitialSelf {
-            self.initial = initial_self(kit, JacobianKind::Template).1;
+            self.initial = initial_self(kit, JacobianKind::Template);
         }
     }
     fn linearise<A: AppearanceModel, S: StateSpaceModel>(
@@ -67,9 +73,9 @@ impl LkMethod for FclkMethod {
         kit: &mut Kit<'_, A, S>,
         out: &mut Normal,
     ) {
-        forward(kit, JacobianKind::Warped, &self.initial, out);
+        forward(kit, JacobianKind::Warped, &mut self.initial, out);
     }
     fn memory(&self) -> usize {
-        0
+        self.initial.0.memory()
     }
 }

@@ -4,17 +4,19 @@
 //! so every step is `Δ = -H⁻¹ Jᵀ` with a negative definite `H` (Baker & Matthews 2004; paper, sections 2.3 and 4).
 
 use super::SmEntry;
+use super::kit::{Kit, Template};
+use super::light::Light;
+use super::mask::{Mask, MaskParams};
 use super::sampling::SamplingParams;
 use super::workspace::{Buffers, Workspace};
-use crate::am::{AppearanceModel, Normal, Side};
-use crate::geom::solve::{SymMatrix, solve_negative};
-use crate::geom::{Corners, Mat3, homography};
+use crate::am::{AppearanceModel, Capabilities, Normal};
+use crate::geom::Corners;
+use crate::geom::solve::solve_negative;
+use crate::ilm::IlluminationModel;
 use crate::image::{Frame, Image};
-use crate::kernels::Jacobian;
 use crate::params::{Assignment, Built, ParamError, ParamValue, Params, param_enum};
-use crate::ssm::{Gradient, ImageHessian, Increment, JacobianKind, Points, StateSpaceModel};
+use crate::ssm::{Increment, StateSpaceModel};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
-use nalgebra::{Matrix2, Vector2};
 
 param_enum! {
     /// Where the Hessian comes from. `J0`, `J`: Jacobian of the template, of the current patch.
@@ -36,6 +38,18 @@ param_enum! {
     }
 }
 
+param_enum! {
+    /// Whether the appearance model learns from tracked frames.
+    pub enum Learning {
+        /// If the model is of little use without.
+        Auto = "auto",
+        /// No.
+        Off = "0",
+        /// Yes.
+        On = "1",
+    }
+}
+
 crate::params! {
     /// Parameters of all gradient search methods.
     pub struct LkParams {
@@ -53,154 +67,8 @@ crate::params! {
         lm_init: f64 = 0.01, in 1e-10..=1e10;
         /// Levenberg-Marquardt: factor of the damping.
         lm_factor: f64 = 10.0, in 1.01..=1e6;
-    }
-}
-
-/// Template gradient (and Hessian) in the base frame, channel-planar.
-#[derive(Clone, Debug, Default)]
-struct Template {
-    gx: Vec<f32>,
-    gy: Vec<f32>,
-    /// Empty unless second-order terms are wanted.
-    hessian: [Vec<f32>; 3],
-}
-
-/// What a method works with during one iteration.
-pub struct Kit<'a, A, S> {
-    /// Appearance model, its current patch set.
-    pub am: &'a mut A,
-    /// Warp.
-    pub ssm: &'a mut S,
-    /// Chosen Hessian, never `Auto`.
-    pub hess: Hessian,
-    image: &'a Image,
-    sampling: &'a SamplingParams,
-    second_order: bool,
-    template: &'a Template,
-    buffers: &'a mut Buffers,
-}
-
-impl<A: AppearanceModel, S: StateSpaceModel> Kit<'_, A, S> {
-    fn gradients<'g>(gx: &'g [f32], gy: &'g [f32], c: usize, n: usize) -> Gradient<'g> {
-        Gradient {
-            x: &gx[c * n..(c + 1) * n],
-            y: &gy[c * n..(c + 1) * n],
-        }
-    }
-
-    /// Writes a Jacobian made of template gradients.
-    pub fn template_jacobian(&self, kind: JacobianKind, j: &mut Jacobian) {
-        let b = &*self.buffers;
-        let n = b.x.len();
-        j.resize(n * self.sampling.channels.count(), self.ssm.dof());
-        for c in 0..self.sampling.channels.count() {
-            let g = Self::gradients(&self.template.gx, &self.template.gy, c, n);
-            self.ssm
-                .jacobian_into(kind, g, Points { x: &b.x, y: &b.y }, c * n, j);
-        }
-    }
-
-    /// Recomputes the template's Jacobian and self Hessian at the present state, for warps that are no group: theirs
-    /// change with it.
-    pub fn follow_template(&mut self, j0: &mut Jacobian, initial: &mut SymMatrix) {
-        if !self.ssm.capabilities().group {
-            self.template_jacobian(JacobianKind::Template, j0);
-            self.am.self_hessian_into(Side::Template, j0, initial);
-        }
-    }
-
-    /// Computes the Jacobian of the current image gradients (or of the template's, for kinds made of those).
-    pub fn compute_jacobian(&mut self, kind: JacobianKind) {
-        let mut j = std::mem::take(&mut self.buffers.j);
-        if kind.of_template() {
-            self.template_jacobian(kind, &mut j);
-        } else {
-            let b = &*self.buffers;
-            let n = b.x.len();
-            for c in 0..self.sampling.channels.count() {
-                let g = Self::gradients(&b.gx, &b.gy, c, n);
-                self.ssm
-                    .jacobian_into(kind, g, Points { x: &b.x, y: &b.y }, c * n, &mut j);
-            }
-        }
-        self.buffers.j = j;
-    }
-
-    /// `out = f_side J` with the computed Jacobian and the chosen first-order Hessian of that side, plus its
-    /// second-order terms if wanted (`kind` is that of the Jacobian).
-    pub fn linearise(&mut self, side: Side, kind: JacobianKind, out: &mut Normal) {
-        let curvature = self.curvature();
-        let b = &mut *self.buffers;
-        self.am.linearise(side, curvature, &b.j, &mut b.scratch, out);
-        self.add_second_order(side, kind, 1.0, &mut out.hessian);
-    }
-
-    fn curvature(&self) -> crate::am::Curvature {
-        match self.hess {
-            Hessian::Std | Hessian::SumOfStd | Hessian::Original => crate::am::Curvature::Standard,
-            _ => crate::am::Curvature::SelfHessian,
-        }
-    }
-
-    /// `out = f_side J` alone, with the computed Jacobian.
-    pub fn gradient(&mut self, side: Side, out: &mut [f64]) {
-        let b = &mut *self.buffers;
-        self.am.gradient_into(side, &mut b.scratch);
-        crate::kernels::project(&b.j, &b.scratch, out);
-    }
-
-    /// `out = f_side J` with a Jacobian of the caller's.
-    pub fn gradient_with(&mut self, side: Side, j: &Jacobian, out: &mut [f64]) {
-        self.am.gradient_into(side, &mut self.buffers.scratch);
-        crate::kernels::project(j, &self.buffers.scratch, out);
-    }
-
-    /// Same as [`linearise`](Self::linearise) with a Jacobian of the caller's.
-    pub fn linearise_with(&mut self, side: Side, kind: JacobianKind, j: &Jacobian, out: &mut Normal) {
-        let curvature = self.curvature();
-        self.am
-            .linearise(side, curvature, j, &mut self.buffers.scratch, out);
-        self.add_second_order(side, kind, 1.0, &mut out.hessian);
-    }
-
-    /// First-order standard Hessian of a side with the computed Jacobian.
-    pub fn hessian(&mut self, side: Side, h: &mut SymMatrix) {
-        self.am.hessian_into(side, &self.buffers.j, h);
-    }
-
-    /// The computed Jacobian.
-    pub fn jacobian(&mut self) -> &mut Jacobian {
-        &mut self.buffers.j
-    }
-
-    /// Adds `factor Σ_i f_side[i] K_i` to `h` when second-order terms are wanted and the Hessian is a standard one.
-    pub fn add_second_order(&mut self, side: Side, kind: JacobianKind, factor: f32, h: &mut SymMatrix) {
-        if !self.second_order || self.curvature() != crate::am::Curvature::Standard {
-            return;
-        }
-        self.am.gradient_into(side, &mut self.buffers.scratch);
-        self.buffers.scratch.iter_mut().for_each(|w| *w *= factor);
-        if !kind.of_template() {
-            self.sampling.sample_hessian(self.image, self.buffers);
-        }
-        let b = &*self.buffers;
-        let n = b.x.len();
-        for c in 0..self.sampling.channels.count() {
-            let at = c * n..(c + 1) * n;
-            let (gx, gy, hessian) = if kind.of_template() {
-                (&self.template.gx, &self.template.gy, &self.template.hessian)
-            } else {
-                (&b.gx, &b.gy, &b.hessian)
-            };
-            let [xx, xy, yy] = hessian;
-            let q = ImageHessian {
-                xx: &xx[at.clone()],
-                xy: &xy[at.clone()],
-                yy: &yy[at.clone()],
-            };
-            self.ssm
-                .curvature_into(kind, &b.scratch[at], Self::gradients(gx, gy, c, n), q, h);
-        }
+        /// The appearance model learns from each tracked frame: auto (models that need it), 0 or 1.
+        enable_learning: Learning = Learning::Auto;
     }
 }
 
@@ -241,6 +109,10 @@ pub struct Lk<M, A, S> {
     pub sampling: SamplingParams,
     /// Search parameters.
     pub params: LkParams,
+    /// Which points are used; changes take effect at the next `init`. Needs a model that can leave out values.
+    pub mask: MaskParams,
+    masking: Mask,
+    light: Option<Light>,
     method: M,
     am: A,
     ssm: S,
@@ -275,6 +147,9 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         Lk {
             sampling,
             params,
+            mask: MaskParams::default(),
+            masking: Mask::default(),
+            light: None,
             method: M::new(extra),
             am,
             ssm,
@@ -285,6 +160,19 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
             accepted: Vec::new(),
             started: false,
         }
+    }
+
+    /// The same with an illumination model, whose parameters the search estimates along with the warp's.
+    pub fn with_illumination(mut self, model: Box<dyn IlluminationModel>) -> Self {
+        let on_template = M::INCREMENT == Increment::InverseCompositional;
+        self.light = Some(Light::new(model, on_template));
+        self.started = false;
+        self
+    }
+
+    /// The illumination model, if there is one.
+    pub fn illumination(&self) -> Option<&dyn IlluminationModel> {
+        self.light.as_ref().map(|l| &*l.model)
     }
 
     /// The appearance model.
@@ -305,12 +193,31 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         }
     }
 
+    /// Number of parameters: the warp's, then those of the illumination.
+    fn dof(&self) -> usize {
+        self.ssm.dof() + self.light.as_ref().map_or(0, Light::dof)
+    }
+
     fn workspace(&self) -> Workspace {
         Workspace::take(
             self.sampling.res.len(),
             self.sampling.channels.count(),
-            self.ssm.dof(),
+            self.dof(),
         )
+    }
+
+    /// Keeps the present state to return to.
+    fn accept(&mut self) {
+        self.accepted.copy_from_slice(self.ssm.state());
+        if let Some(light) = &mut self.light {
+            light.accept();
+        }
+    }
+
+    /// Returns to the state kept.
+    fn restore(&mut self) -> Result<(), TrackError> {
+        self.ssm.set_state(&self.accepted)?;
+        self.light.as_mut().map_or(Ok(()), Light::restore)
     }
 
     fn kit<'a>(
@@ -328,6 +235,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
             second_order: self.params.second_order,
             template: &self.template,
             buffers,
+            light: self.light.as_mut(),
         };
         (&mut self.method, kit, &mut self.normal)
     }
@@ -357,23 +265,35 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         }
         self.delta.iter_mut().for_each(|d| *d *= -gain);
         let before = self.ssm.corners();
-        let state = self
-            .ssm
-            .update(M::INCREMENT, &self.delta)
-            .and_then(|()| self.refuse_huge(image));
-        if let Err(e) = state {
-            self.ssm.set_state(&self.accepted)?;
-            return Err(e);
+        match self.apply(image) {
+            Ok(change) => {
+                let motion = self.ssm.motion_squared(&before, &self.accepted);
+                Ok(motion + change < self.params.epsilon)
+            }
+            Err(e) => {
+                self.restore()?;
+                Err(e)
+            }
         }
-        Ok(self.ssm.motion_squared(&before, &self.accepted) < self.params.epsilon)
+    }
+
+    /// Applies the step; returns the change of illumination in terms of squared corner motion.
+    fn apply(&mut self, image: &Image) -> Result<f64, TrackError> {
+        let (warp, light) = self.delta.split_at(self.ssm.dof());
+        self.ssm.update(M::INCREMENT, warp)?;
+        let change = self.light.as_mut().map_or(Ok(0.0), |l| l.step(light))?;
+        self.refuse_huge(image).map(|()| change)
     }
 
     /// Gradient and Hessian at the sampled state, with the warp's own regularisation.
     fn linearise(&mut self, image: &Image, ws: &mut Workspace) {
         let (method, mut kit, normal) = self.kit(image, ws);
         method.linearise(&mut kit, normal);
-        self.ssm
-            .regularise(&mut self.normal.gradient, &mut self.normal.hessian);
+        let Normal { gradient, hessian } = &mut self.normal;
+        match &mut self.light {
+            Some(light) => light.regularise(gradient, hessian, |g, h| self.ssm.regularise(g, h)),
+            None => self.ssm.regularise(gradient, hessian),
+        }
     }
 
     /// What Levenberg-Marquardt wants to grow at the sampled state: `f`, or `-J (-H)⁻¹ J'` for models whose steps do not
@@ -407,10 +327,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
             if lm && iterations > 1 && (f.is_nan() || f < best) {
                 // Back to the accepted point; its normal equations still stand, only the damping grows.
                 lambda = (lambda * self.params.lm_factor).min(*LAMBDA.end());
-                let accepted = std::mem::take(&mut self.accepted);
-                let restored = self.ssm.set_state(&accepted);
-                self.accepted = accepted;
-                restored?;
+                self.restore()?;
                 if !climbs {
                     self.normal.copy_from(&self.accepted_normal);
                 }
@@ -419,7 +336,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
                     lambda = (lambda / self.params.lm_factor).max(*LAMBDA.start());
                 }
                 best = f;
-                self.accepted.copy_from_slice(self.ssm.state());
+                self.accept();
                 if climbs || !lm {
                     self.linearise(image, ws);
                 } else {
@@ -441,16 +358,40 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
             self.sample(image, ws, gradient && !climbs)?;
             let f = self.merit(image, ws);
             if f.is_nan() || f < best {
-                self.ssm.set_state(&self.accepted)?;
+                self.restore()?;
             }
         }
         Ok((stop, iterations as u32))
     }
 
+    /// Shows the model the patch at the final location, if it is to learn.
+    fn learn(&mut self, image: &Image, ws: &mut Workspace) {
+        let wanted = match self.params.enable_learning {
+            Learning::Auto => self.am.needs_learning(),
+            Learning::Off => false,
+            Learning::On => true,
+        };
+        // A last step that ended outside the image teaches nothing.
+        if wanted && self.sample(image, ws, false).is_ok() && self.am.learn(&ws.values) {
+            let (method, mut kit, _) = self.kit(image, ws);
+            method.prepare(&mut kit);
+        }
+    }
+
     fn sample(&mut self, image: &Image, ws: &mut Workspace, gradient: bool) -> Result<(), TrackError> {
         let b = &mut **ws;
         self.ssm.warp_into(&mut b.x, &mut b.y);
+        let gradient = gradient || self.masking.reads_gradient();
         self.sampling.sample(image, b, gradient)?;
+        if let Some(light) = &self.light {
+            b.raw.clear();
+            b.raw.extend_from_slice(&b.values);
+            light.model.light(&b.raw, &mut b.values);
+        }
+        if self.masking.selects() {
+            let dof = self.dof();
+            self.masking.apply(self.sampling.shape(), b, dof, &mut self.am);
+        }
         self.am.set_current(&b.values);
         Ok(())
     }
@@ -497,27 +438,6 @@ impl Relaxation {
     }
 }
 
-impl Template {
-    /// Carries base-frame derivatives to a new base frame, `from_new` the homography from the new frame to the old one:
-    /// `g' = g W`, `Q' = Wᵀ Q W + Σ_c g_c Ω_c` at each point of the new grid.
-    fn carry(&mut self, from_new: &Mat3, grid: Points<'_>) {
-        let n = grid.x.len();
-        for i in 0..self.gx.len() {
-            let x0 = [f64::from(grid.x[i % n]), f64::from(grid.y[i % n])];
-            let (w, omega) = homography::spatial_derivatives(from_new, x0);
-            let g = Vector2::new(f64::from(self.gx[i]), f64::from(self.gy[i]));
-            let carried = w.transpose() * g;
-            (self.gx[i], self.gy[i]) = (carried[0] as f32, carried[1] as f32);
-            let [xx, xy, yy] = &mut self.hessian;
-            if !xx.is_empty() {
-                let q = Matrix2::new(xx[i], xy[i], xy[i], yy[i]).map(f64::from);
-                let q = w.transpose() * q * w + omega[0] * g[0] + omega[1] * g[1];
-                (xx[i], xy[i], yy[i]) = (q[(0, 0)] as f32, q[(0, 1)] as f32, q[(1, 1)] as f32);
-            }
-        }
-    }
-}
-
 /// Refuses patches on which nothing can be tracked.
 fn check_template(values: &[f32]) -> Result<(), TrackError> {
     if values.iter().any(|v| !v.is_finite()) {
@@ -538,7 +458,12 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         let image = frame.with_channels(self.channels());
         self.ssm.init(corners, self.sampling.res)?;
         self.refuse_huge(image)?;
-        let s = self.ssm.dof();
+        let shape = self.sampling.shape();
+        if let Some(light) = &mut self.light {
+            let relative = self.am.capabilities().gain_bias_invariant;
+            light.start(shape, relative, self.ssm.dof())?;
+        }
+        let s = self.dof();
         self.normal = Normal::new(s);
         self.accepted_normal = Normal::new(s);
         self.delta = vec![0.0; s];
@@ -548,7 +473,12 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         self.ssm.warp_into(&mut b.x, &mut b.y);
         self.sampling.sample(image, b, true)?;
         check_template(&b.values)?;
-        self.am.set_template(self.sampling.shape(), &b.values)?;
+        self.am.set_template(shape, &b.values)?;
+        if let Some(light) = &mut self.light {
+            light.set_template(&b.values);
+        }
+        self.masking = Mask::new(self.mask.clone());
+        self.masking.start(shape, b, &self.am);
         let r = self.ssm.radius() as f32;
         let scaled = |values: &[f32], k: f32| values.iter().map(|v| v * k).collect();
         self.template = Template {
@@ -572,19 +502,24 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         }
         let image = frame.with_channels(self.channels());
         let mut ws = self.workspace();
-        self.accepted.copy_from_slice(self.ssm.state());
+        self.accept();
+        self.masking.begin_frame();
         self.ssm.begin_frame();
         self.am.begin_frame();
         match self.search(image, &mut ws) {
-            Ok((stop, iterations)) => Ok(Update {
-                corners: self.ssm.corners(),
-                stop,
-                iterations,
-                similarity: self.am.similarity(),
-            }),
+            Ok((stop, iterations)) => {
+                let similarity = self.am.similarity();
+                self.learn(image, &mut ws);
+                Ok(Update {
+                    corners: self.ssm.corners(),
+                    stop,
+                    iterations,
+                    similarity,
+                })
+            }
             Err(e) => {
                 // The step that led nowhere is undone; the one before it was sound.
-                self.ssm.set_state(&self.accepted)?;
+                self.restore()?;
                 Err(e)
             }
         }
@@ -629,14 +564,17 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
             + self.am.memory().max(8 * n)
             + self.ssm.memory().max(8 * n)
             + self.method.memory().max(4 * n * 8)
+            + self.light.as_ref().map_or(0, Light::memory)
+            + self.masking.memory()
     }
 }
 
-type AllParams<M> = ((SamplingParams, LkParams), <M as LkMethod>::Extra);
+/// Common parameters and those of the method.
+type AllParams<M> = (((SamplingParams, LkParams), MaskParams), <M as LkMethod>::Extra);
 
 fn parse<M: LkMethod>(assignments: &[Assignment<'_>]) -> Built<AllParams<M>> {
     let params = AllParams::<M>::from_assignments(assignments)?;
-    let hess = params.0.1.hess;
+    let hess = params.0.0.1.hess;
     if hess != Hessian::Auto && !M::HESSIANS.contains(&hess) {
         return Err(ParamError::Value {
             name: "hess",
@@ -651,6 +589,28 @@ fn parse<M: LkMethod>(assignments: &[Assignment<'_>]) -> Built<AllParams<M>> {
     Ok(params)
 }
 
+fn build<M: LkMethod, A: AppearanceModel, S: StateSpaceModel>(
+    assignments: &[Assignment<'_>],
+    am: A,
+    ssm: S,
+) -> Built<Lk<M, A, S>> {
+    let (((sampling, params), mask), extra) = parse::<M>(assignments)?;
+    let mut lk = Lk::with_params(sampling, params, extra, am, ssm);
+    lk.mask = mask;
+    Ok(lk)
+}
+
+/// What a model lacks.
+fn refuses(assignments: &[Assignment<'_>], am: &Capabilities) -> Option<&'static str> {
+    let selects = MaskParams::default().spi.text();
+    let selects = assignments.iter().any(|(k, v)| *k == "spi" && *v != selects);
+    if !am.derivatives {
+        Some("has no derivatives")
+    } else {
+        (selects && !am.masks).then_some("has no weights of single pixels")
+    }
+}
+
 /// The table row of method `M`.
 pub(super) const fn entry<M: LkMethod>() -> SmEntry {
     SmEntry {
@@ -659,7 +619,7 @@ pub(super) const fn entry<M: LkMethod>() -> SmEntry {
         groups: &["lk", "gradient"],
         summary: M::SUMMARY,
         params: AllParams::<M>::info,
-        refuses: |am| (!am.derivatives).then_some("has no derivatives"),
+        refuses,
         refuses_ssm: |ssm| match M::INCREMENT {
             Increment::Compositional if !ssm.compositional => Some("does not compose"),
             Increment::InverseCompositional if !(ssm.compositional && ssm.invertible) => {
@@ -667,12 +627,10 @@ pub(super) const fn entry<M: LkMethod>() -> SmEntry {
             }
             _ => None,
         },
-        build: |a, am, ssm| {
-            let ((sampling, params), extra) = parse::<M>(a)?;
-            Ok(Box::new(Lk::<M, _, _>::with_params(
-                sampling, params, extra, am, ssm,
-            )))
-        },
+        build: |a, am, ssm| Ok(Box::new(build::<M, _, _>(a, am, ssm)?)),
+        build_lit: Some(|a, am, ssm, light| {
+            Ok(Box::new(build::<M, _, _>(a, am, ssm)?.with_illumination(light)))
+        }),
         canonical: |a, name| Ok(parse::<M>(a)?.get(name)),
     }
 }

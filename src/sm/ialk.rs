@@ -4,7 +4,8 @@
 //! The gradient is taken on the template side because `J` is made of template gradients; for SSD and ZNCC this is the
 //! same as `f_t J`.
 
-use super::gradient::{Hessian, Kit, LkMethod};
+use super::gradient::{Hessian, LkMethod};
+use super::kit::Kit;
 use crate::am::{AppearanceModel, Normal, Side};
 use crate::params::NoParams;
 use crate::ssm::{Increment, JacobianKind, StateSpaceModel};

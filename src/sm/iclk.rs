@@ -2,7 +2,8 @@
 //! `f_0 J0`, by default a constant Hessian, `p <- p ∘ Δ⁻¹`.
 
 use super::fclk::initial_self;
-use super::gradient::{Hessian, Kit, LkMethod};
+use super::gradient::{Hessian, LkMethod};
+use super::kit::Kit;
 use crate::am::{AppearanceModel, Normal, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::Jacobian;

@@ -10,15 +10,20 @@ mod fclk;
 mod gradient;
 mod ialk;
 mod iclk;
+mod kit;
+mod light;
+mod mask;
 mod sampling;
 mod workspace;
 
 pub use esm::{EsmMethod, EsmParams};
 pub use falk::FalkMethod;
 pub use fclk::FclkMethod;
-pub use gradient::{Hessian, Kit, Lk, LkMethod, LkParams};
+pub use gradient::{Hessian, Learning, Lk, LkMethod, LkParams};
 pub use ialk::IalkMethod;
 pub use iclk::IclkMethod;
+pub use kit::Kit;
+pub use mask::{MaskParams, PointRule};
 pub use sampling::{BorderMode, Channels, SamplingParams};
 
 /// Forward additive Lucas-Kanade.
@@ -33,6 +38,7 @@ pub type Iclk<A, S> = Lk<IclkMethod, A, S>;
 pub type Esm<A, S> = Lk<EsmMethod, A, S>;
 
 use crate::am::{AppearanceModel, Capabilities};
+use crate::ilm::IlluminationModel;
 use crate::params::{Assignment, Built, ParamInfo};
 use crate::ssm::{SsmCapabilities, StateSpaceModel};
 use crate::tracker::Tracker;
@@ -45,6 +51,14 @@ pub const SMS: &[SmEntry] = &[
     gradient::entry::<IclkMethod>(),
     gradient::entry::<EsmMethod>(),
 ];
+
+/// Builds a tracker from assignments, its models and one of illumination.
+pub type BuildLit = fn(
+    &[Assignment<'_>],
+    Box<dyn AppearanceModel>,
+    Box<dyn StateSpaceModel>,
+    Box<dyn IlluminationModel>,
+) -> Built<Box<dyn Tracker>>;
 
 /// A row of the table of search methods.
 #[derive(Clone)]
@@ -59,13 +73,15 @@ pub struct SmEntry {
     pub summary: &'static str,
     /// Parameters.
     pub params: fn() -> Vec<ParamInfo>,
-    /// Why it cannot work with an appearance model, if it cannot.
-    pub refuses: fn(&Capabilities) -> Option<&'static str>,
+    /// What it needs, with these assignments, that an appearance model lacks, if it lacks anything.
+    pub refuses: fn(&[Assignment<'_>], &Capabilities) -> Option<&'static str>,
     /// What it needs that a state space model lacks, if it lacks anything.
     pub refuses_ssm: fn(&SsmCapabilities) -> Option<&'static str>,
     /// Builds the tracker from `(name, value)` assignments and its models.
     pub build:
         fn(&[Assignment<'_>], Box<dyn AppearanceModel>, Box<dyn StateSpaceModel>) -> Built<Box<dyn Tracker>>,
+    /// Builds a tracker that estimates the illumination as well; `None` for methods that cannot.
+    pub build_lit: Option<BuildLit>,
     /// Canonical text of a parameter after the assignments.
     pub canonical: fn(&[Assignment<'_>], &str) -> Built<Option<String>>,
 }

@@ -18,6 +18,8 @@ pub struct Buffers {
     pub gx: Vec<f32>,
     /// Image gradient at the points, channel-planar.
     pub gy: Vec<f32>,
+    /// Values before they were lit; empty without an illumination model.
+    pub raw: Vec<f32>,
     /// One number per value.
     pub scratch: Vec<f32>,
     /// Image Hessian `[Ixx, Ixy, Iyy]` at the points, channel-planar.

@@ -1,0 +1,224 @@
+//! What a Lucas-Kanade method works with during an iteration: Jacobians, gradients and Hessians of the current side and
+//! of the template's, with or without an illumination model.
+
+use super::gradient::Hessian;
+use super::light::Light;
+use super::sampling::SamplingParams;
+use super::workspace::Buffers;
+use crate::am::{AppearanceModel, Curvature, Normal, Side};
+use crate::geom::solve::SymMatrix;
+use crate::geom::{Mat3, homography};
+use crate::image::Image;
+use crate::kernels::Jacobian;
+use crate::ssm::{Gradient, ImageHessian, JacobianKind, Points, StateSpaceModel};
+use nalgebra::{Matrix2, Vector2};
+
+/// Template gradient (and Hessian) in the base frame, channel-planar.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Template {
+    pub gx: Vec<f32>,
+    pub gy: Vec<f32>,
+    /// Empty unless second-order terms are wanted.
+    pub hessian: [Vec<f32>; 3],
+}
+
+/// What a method works with during one iteration.
+pub struct Kit<'a, A, S> {
+    /// Appearance model, its current patch set.
+    pub am: &'a mut A,
+    /// Warp.
+    pub ssm: &'a mut S,
+    /// Chosen Hessian, never `Auto`.
+    pub hess: Hessian,
+    pub(super) image: &'a Image,
+    pub(super) sampling: &'a SamplingParams,
+    pub(super) second_order: bool,
+    pub(super) template: &'a Template,
+    pub(super) buffers: &'a mut Buffers,
+    pub(super) light: Option<&'a mut Light>,
+}
+
+impl<A: AppearanceModel, S: StateSpaceModel> Kit<'_, A, S> {
+    fn gradients<'g>(gx: &'g [f32], gy: &'g [f32], c: usize, n: usize) -> Gradient<'g> {
+        Gradient {
+            x: &gx[c * n..(c + 1) * n],
+            y: &gy[c * n..(c + 1) * n],
+        }
+    }
+
+    /// Number of parameters: the warp's, then those of the illumination.
+    pub fn dof(&self) -> usize {
+        self.ssm.dof() + self.light.as_ref().map_or(0, |l| l.dof())
+    }
+
+    /// Writes a Jacobian made of template gradients.
+    pub fn template_jacobian(&mut self, kind: JacobianKind, j: &mut Jacobian) {
+        let dof = self.dof();
+        let b = &mut *self.buffers;
+        let n = b.x.len();
+        j.resize(n * self.sampling.channels.count(), dof);
+        for c in 0..self.sampling.channels.count() {
+            let g = Self::gradients(&self.template.gx, &self.template.gy, c, n);
+            self.ssm
+                .jacobian_into(kind, g, Points { x: &b.x, y: &b.y }, c * n, j);
+        }
+        if let Some(light) = &mut self.light {
+            light.extend_template(&mut b.scratch, j);
+        }
+    }
+
+    /// Brings the template's Jacobian and self Hessian up to date where they change with the present state: for warps
+    /// that are no group, for illumination on the current side, for models that weigh values.
+    pub fn follow_template(&mut self, j0: &mut Jacobian, initial: &mut SymMatrix) {
+        let moves = !self.ssm.capabilities().group || self.light.as_ref().is_some_and(|l| !l.on_template);
+        if moves {
+            self.template_jacobian(JacobianKind::Template, j0);
+        }
+        if moves || self.am.weighted() {
+            self.am.self_hessian_into(Side::Template, j0, initial);
+        }
+    }
+
+    /// Computes the Jacobian of the current image gradients (or of the template's, for kinds made of those).
+    pub fn compute_jacobian(&mut self, kind: JacobianKind) {
+        let mut j = std::mem::take(&mut self.buffers.j);
+        if kind.of_template() {
+            self.template_jacobian(kind, &mut j);
+        } else {
+            let b = &*self.buffers;
+            let n = b.x.len();
+            for c in 0..self.sampling.channels.count() {
+                let g = Self::gradients(&b.gx, &b.gy, c, n);
+                self.ssm
+                    .jacobian_into(kind, g, Points { x: &b.x, y: &b.y }, c * n, &mut j);
+            }
+            if let Some(light) = &self.light {
+                light.extend_current(&b.raw, &b.values, &mut j);
+            }
+        }
+        self.buffers.j = j;
+    }
+
+    /// `out = f_side J` with the computed Jacobian and the chosen first-order Hessian of that side, plus its
+    /// second-order terms if wanted (`kind` is that of the Jacobian).
+    pub fn linearise(&mut self, side: Side, kind: JacobianKind, out: &mut Normal) {
+        let curvature = self.curvature();
+        let b = &mut *self.buffers;
+        self.am.linearise(side, curvature, &b.j, &mut b.scratch, out);
+        self.add_second_order(side, kind, 1.0, &mut out.hessian);
+    }
+
+    fn curvature(&self) -> Curvature {
+        match self.hess {
+            Hessian::Std | Hessian::SumOfStd | Hessian::Original => Curvature::Standard,
+            _ => Curvature::SelfHessian,
+        }
+    }
+
+    /// `out = f_side J` alone, with the computed Jacobian.
+    pub fn gradient(&mut self, side: Side, out: &mut [f64]) {
+        let b = &mut *self.buffers;
+        self.am.project_gradient(side, &b.j, &mut b.scratch, out);
+    }
+
+    /// `out = f_side J` with a Jacobian of the caller's.
+    pub fn gradient_with(&mut self, side: Side, j: &Jacobian, out: &mut [f64]) {
+        self.am.project_gradient(side, j, &mut self.buffers.scratch, out);
+    }
+
+    /// Same as [`linearise`](Self::linearise) with a Jacobian of the caller's.
+    pub fn linearise_with(&mut self, side: Side, kind: JacobianKind, j: &Jacobian, out: &mut Normal) {
+        let curvature = self.curvature();
+        self.am
+            .linearise(side, curvature, j, &mut self.buffers.scratch, out);
+        self.add_second_order_with(side, kind, j, 1.0, &mut out.hessian);
+    }
+
+    /// First-order standard Hessian of a side with the computed Jacobian.
+    pub fn hessian(&mut self, side: Side, h: &mut SymMatrix) {
+        self.am.hessian_into(side, &self.buffers.j, h);
+    }
+
+    /// The computed Jacobian.
+    pub fn jacobian(&mut self) -> &mut Jacobian {
+        &mut self.buffers.j
+    }
+
+    /// Adds `factor Σ_i f_side[i] K_i` to `h` when second-order terms are wanted and the Hessian is a standard one. The
+    /// computed Jacobian is of that kind.
+    pub fn add_second_order(&mut self, side: Side, kind: JacobianKind, factor: f32, h: &mut SymMatrix) {
+        let j = std::mem::take(&mut self.buffers.j);
+        self.add_second_order_with(side, kind, &j, factor, h);
+        self.buffers.j = j;
+    }
+
+    fn add_second_order_with(
+        &mut self,
+        side: Side,
+        kind: JacobianKind,
+        j: &Jacobian,
+        factor: f32,
+        h: &mut SymMatrix,
+    ) {
+        if !self.second_order || self.curvature() != Curvature::Standard {
+            return;
+        }
+        self.am.gradient_into(side, &mut self.buffers.scratch);
+        self.buffers.scratch.iter_mut().for_each(|w| *w *= factor);
+        if !kind.of_template() {
+            self.sampling.sample_hessian(self.image, self.buffers);
+        }
+        let b = &mut *self.buffers;
+        // With illumination, the warp's part goes to a matrix of its own.
+        let mut warp = self
+            .light
+            .as_mut()
+            .map(|light| light.add_mixed(kind, &mut b.scratch, j, h));
+        let n = b.x.len();
+        for c in 0..self.sampling.channels.count() {
+            let at = c * n..(c + 1) * n;
+            let (gx, gy, hessian) = if kind.of_template() {
+                (&self.template.gx, &self.template.gy, &self.template.hessian)
+            } else {
+                (&b.gx, &b.gy, &b.hessian)
+            };
+            let [xx, xy, yy] = hessian;
+            let q = ImageHessian {
+                xx: &xx[at.clone()],
+                xy: &xy[at.clone()],
+                yy: &yy[at.clone()],
+            };
+            self.ssm.curvature_into(
+                kind,
+                &b.scratch[at],
+                Self::gradients(gx, gy, c, n),
+                q,
+                warp.as_deref_mut().unwrap_or(h),
+            );
+        }
+        if let Some(block) = warp {
+            h.add_block(block);
+        }
+    }
+}
+
+impl Template {
+    /// Carries base-frame derivatives to a new base frame, `from_new` the homography from the new frame to the old one:
+    /// `g' = g W`, `Q' = Wᵀ Q W + Σ_c g_c Ω_c` at each point of the new grid.
+    pub fn carry(&mut self, from_new: &Mat3, grid: Points<'_>) {
+        let n = grid.x.len();
+        for i in 0..self.gx.len() {
+            let x0 = [f64::from(grid.x[i % n]), f64::from(grid.y[i % n])];
+            let (w, omega) = homography::spatial_derivatives(from_new, x0);
+            let g = Vector2::new(f64::from(self.gx[i]), f64::from(self.gy[i]));
+            let carried = w.transpose() * g;
+            (self.gx[i], self.gy[i]) = (carried[0] as f32, carried[1] as f32);
+            let [xx, xy, yy] = &mut self.hessian;
+            if !xx.is_empty() {
+                let q = Matrix2::new(xx[i], xy[i], xy[i], yy[i]).map(f64::from);
+                let q = w.transpose() * q * w + omega[0] * g[0] + omega[1] * g[1];
+                (xx[i], xy[i], yy[i]) = (q[(0, 0)] as f32, q[(0, 1)] as f32, q[(1, 1)] as f32);
+            }
+        }
+    }
+}
