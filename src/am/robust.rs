@@ -27,6 +27,8 @@ param_enum! {
 /// Huber's `k`, Tukey's `c`.
 const HUBER: f32 = 1.345;
 const TUKEY: f32 = 4.685;
+/// Noise below which a robust loss sees no outliers: a gray level.
+pub(super) const NOISE: f64 = 1.0;
 /// Standard deviation over median absolute value, of Gaussian noise.
 const MAD: f64 = 1.4826;
 
@@ -162,6 +164,17 @@ impl Weights {
         };
         kernels::rescale(x, mean as f32, inverse as f32, out);
         (mean, inverse)
+    }
+
+    /// With a robust loss: first weights for a patch, from its differences to the (standardised) template when it is
+    /// standardised by mean and inverse deviation of the patch before, so that whatever has newly come into view stands out.
+    pub fn judge(&mut self, template: &[f32], patch: &[f32], last: (f64, f64), t: &mut [f32], e: &mut [f32]) {
+        if self.loss != Robust::None {
+            self.standardise(template, t);
+            kernels::rescale(patch, last.0 as f32, last.1 as f32, e);
+            kernels::subtract_from(e, t);
+            self.estimate(e, NOISE * last.1);
+        }
     }
 
     /// Bytes kept between frames.

@@ -121,11 +121,12 @@ mod tests {
             for (pass, adjoint, step, length) in [
                 (Pass::Rows, Pass::RowsAdjoint, 1, cols), (Pass::Columns, Pass::ColumnsAdjoint, cols, rows),
             ] {
+                let along_rows = pass == Pass::Rows;
                 filter_pass(&x, cols, &taps, pass, &mut out);
                 filter_lanes::<Portable>(&x, cols, &taps, pass, &mut portable);
                 prop_assert_eq!(&out, &portable);
                 for i in 0..n {
-                    let at = if step == 1 { i % cols } else { i / cols };
+                    let at = if along_rows { i % cols } else { i / cols };
                     let inside = at >= r && at + r < length;
                     let exact: f64 = if inside {
                         (0..2 * r + 1).map(|k| f64::from(taps[k]) * f64::from(x[i + k * step - r * step])).sum()

@@ -23,7 +23,6 @@ mod steepest;
 pub mod stencil;
 mod tone;
 mod warp;
-mod weighted;
 
 pub use blend::{accumulate, product, row_times, scale_shift};
 pub use corner::{CENTROID_RADIUS, centroid, corner_response, corner_scratch_len};
@@ -49,4 +48,3 @@ pub use tone::{
     Window, line_shift, line_sums, linear_shift, shifted_residual, step_shift, tone_bins, tone_sums,
 };
 pub use warp::warp_projective;
-pub use weighted::weighted_gram;

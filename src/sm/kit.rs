@@ -118,14 +118,12 @@ impl<A: AppearanceModel, S: StateSpaceModel> Kit<'_, A, S> {
     /// `out = f_side J` alone, with the computed Jacobian.
     pub fn gradient(&mut self, side: Side, out: &mut [f64]) {
         let b = &mut *self.buffers;
-        self.am.gradient_into(side, &mut b.scratch);
-        crate::kernels::project(&b.j, &b.scratch, out);
+        self.am.project_gradient(side, &b.j, &mut b.scratch, out);
     }
 
     /// `out = f_side J` with a Jacobian of the caller's.
     pub fn gradient_with(&mut self, side: Side, j: &Jacobian, out: &mut [f64]) {
-        self.am.gradient_into(side, &mut self.buffers.scratch);
-        crate::kernels::project(j, &self.buffers.scratch, out);
+        self.am.project_gradient(side, j, &mut self.buffers.scratch, out);
     }
 
     /// Same as [`linearise`](Self::linearise) with a Jacobian of the caller's.
