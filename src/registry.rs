@@ -168,6 +168,10 @@ trait Named {
     fn groups(&self) -> &'static [&'static str] {
         &[]
     }
+    /// Whether `all` includes it.
+    fn listed(&self) -> bool {
+        true
+    }
 }
 
 macro_rules! named {
@@ -182,6 +186,9 @@ macro_rules! named {
             }
             $(fn groups(&self) -> &'static [&'static str] {
                 self.$groups
+            }
+            fn listed(&self) -> bool {
+                !self.$groups.is_empty()
             })?
         }
     };
@@ -233,7 +240,7 @@ fn select<'a, E: Named>(entries: &'a [E], list: &[String]) -> Result<Vec<&'a E>,
         .map(|s| s.trim().to_ascii_lowercase());
     for item in items.filter(|s| !s.is_empty()) {
         let chosen: Vec<&E> = if item == "all" {
-            entries.iter().collect()
+            entries.iter().filter(|e| e.listed()).collect()
         } else if let Some(e) = find(entries, &item) {
             vec![e]
         } else {
@@ -441,11 +448,13 @@ impl Registry {
                 ),
             });
         }
-        Ok((triple.sm.build)(
-            &Triple::own(&(triple.sm.params)(), &spec.params),
-            am,
-            ssm,
-        )?)
+        // Each parameter is one the method has; what is left is a value that does not suit these models.
+        (triple.sm.build)(&Triple::own(&(triple.sm.params)(), &spec.params), am, ssm).map_err(|e| {
+            SpecError::Refused {
+                id: spec.to_string(),
+                reason: e.to_string(),
+            }
+        })
     }
 
     /// Parses an expression such as `esm/ssd/homography{max_iters=50}`.

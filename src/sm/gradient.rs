@@ -65,6 +65,9 @@ crate::params! {
         lm_init: f64 = 0.01, in 1e-10..=1e10;
         /// Levenberg-Marquardt: factor of the damping.
         lm_factor: f64 = 10.0, in 1.01..=1e6;
+        /// Compositional Jacobians from the image's gradient carried through the warp (1), or from differences of the warped
+        /// image (0).
+        chained_warp: bool = true;
         /// The appearance model learns from each tracked frame: auto (models that need it), 0 or 1.
         enable_learning: Learning = Learning::Auto;
     }
@@ -90,6 +93,7 @@ pub struct Kit<'a, A, S> {
     image: &'a Image,
     sampling: &'a SamplingParams,
     second_order: bool,
+    chained: bool,
     template: &'a Template,
     buffers: &'a mut Buffers,
 }
@@ -126,9 +130,16 @@ impl<A: AppearanceModel, S: StateSpaceModel> Kit<'_, A, S> {
     /// Computes the Jacobian of the current image gradients (or of the template's, for kinds made of those).
     pub fn compute_jacobian(&mut self, kind: JacobianKind) {
         let mut j = std::mem::take(&mut self.buffers.j);
+        let unchained = kind == JacobianKind::Warped && !self.chained;
+        if unchained {
+            self.sampling
+                .sample_warped_gradient(self.image, self.ssm, self.buffers);
+        }
         if kind.of_template() {
             self.template_jacobian(kind, &mut j);
         } else {
+            // A gradient in the base frame is one that has been carried through the warp already.
+            let kind = if unchained { JacobianKind::Template } else { kind };
             let b = &*self.buffers;
             let n = b.x.len();
             for c in 0..self.sampling.channels.count() {
@@ -138,6 +149,10 @@ impl<A: AppearanceModel, S: StateSpaceModel> Kit<'_, A, S> {
             }
         }
         self.buffers.j = j;
+        if unchained && self.second_order {
+            // Second-order terms are made of image gradients. The points are those that have just been sampled.
+            let _ = self.sampling.sample(self.image, self.buffers, true);
+        }
     }
 
     /// `out = f_side J` with the computed Jacobian and the chosen first-order Hessian of that side, plus its
@@ -232,6 +247,12 @@ pub trait LkMethod: Send + Sized + 'static {
     const HESSIANS: &'static [Hessian];
     /// How its step is applied.
     const INCREMENT: Increment;
+    /// Groups that include it.
+    const GROUPS: &'static [&'static str] = &["gradient"];
+    /// Searches per frame, each until it converges.
+    const STAGES: usize = 1;
+    /// Whether it must be told the ground truth of each frame.
+    const NEEDS_TRUTH: bool = false;
 
     /// Builds it.
     fn new(extra: Self::Extra) -> Self;
@@ -239,6 +260,10 @@ pub trait LkMethod: Send + Sized + 'static {
     fn reads_gradient(hess: Hessian) -> bool;
     /// Computes what stays constant while the template and the base frame do.
     fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>);
+    /// Told which of its searches of a frame begins.
+    fn begin_stage(&mut self, _stage: usize) {}
+    /// Shown the frame with the patch and the state of the ground truth, before the search.
+    fn visit_truth<A: AppearanceModel, S: StateSpaceModel>(&mut self, _kit: &mut Kit<'_, A, S>) {}
     /// Gradient and Hessian at the current state.
     fn linearise<A: AppearanceModel, S: StateSpaceModel>(
         &mut self,
@@ -264,11 +289,13 @@ pub struct Lk<M, A, S> {
     accepted_normal: Normal,
     delta: Vec<f64>,
     accepted: Vec<f64>,
+    /// Ground truth of the frame to come, for methods that need it.
+    truth: Option<Corners>,
     started: bool,
 }
 
 /// Largest RMS misfit, px, at which `set_region` keeps the base frame.
-const KEEP_BASE: f64 = 0.5;
+pub(super) const KEEP_BASE: f64 = 0.5;
 /// Damping bounds.
 const LAMBDA: std::ops::RangeInclusive<f64> = 1e-10..=1e10;
 
@@ -297,6 +324,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
             accepted_normal: Normal::new(0),
             delta: Vec::new(),
             accepted: Vec::new(),
+            truth: None,
             started: false,
         }
     }
@@ -340,6 +368,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
             image,
             sampling: &self.sampling,
             second_order: self.params.second_order,
+            chained: self.params.chained_warp,
             template: &self.template,
             buffers,
         };
@@ -461,6 +490,33 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         Ok((stop, iterations as u32))
     }
 
+    /// Shows the method the place of the ground truth.
+    fn visit_truth(&mut self, image: &Image, ws: &mut Workspace) -> Result<(), TrackError> {
+        let truth = self.truth.take().ok_or(TrackError::NoTruth)?;
+        self.ssm.fit_corners(&truth)?;
+        let seen = self.sample(image, ws, true).map(|()| {
+            let (method, mut kit, _) = self.kit(image, ws);
+            method.visit_truth(&mut kit);
+        });
+        self.ssm.set_state(&self.accepted)?;
+        seen
+    }
+
+    /// All searches of a frame.
+    fn run(&mut self, image: &Image, ws: &mut Workspace) -> Result<(Stop, u32), TrackError> {
+        if M::NEEDS_TRUTH {
+            self.visit_truth(image, ws)?;
+        }
+        let mut total = 0;
+        let mut stop = Stop::Done;
+        for stage in 0..M::STAGES {
+            self.method.begin_stage(stage);
+            let (why, iterations) = self.search(image, ws)?;
+            (stop, total) = (why, total + iterations);
+        }
+        Ok((stop, total))
+    }
+
     /// Shows the model the patch at the final location, if it is to learn.
     fn learn(&mut self, image: &Image, ws: &mut Workspace) {
         let wanted = match self.params.enable_learning {
@@ -484,7 +540,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
     }
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
@@ -547,7 +603,7 @@ impl Template {
 }
 
 /// Refuses patches on which nothing can be tracked.
-fn check_template(values: &[f32]) -> Result<(), TrackError> {
+pub(super) fn check_template(values: &[f32]) -> Result<(), TrackError> {
     if values.iter().any(|v| !v.is_finite()) {
         return Err(TrackError::NotFinite("template"));
     }
@@ -577,7 +633,14 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         self.sampling.sample(image, b, true)?;
         check_template(&b.values)?;
         self.am.set_template(self.sampling.shape(), &b.values)?;
-        let r = self.ssm.radius() as f32;
+        let mut r = self.ssm.radius() as f32;
+        if self.params.second_order {
+            self.sampling.sample_hessian(image, b);
+        }
+        if !self.params.chained_warp {
+            self.sampling.sample_warped_gradient(image, &self.ssm, b);
+            r = 1.0;
+        }
         let scaled = |values: &[f32], k: f32| values.iter().map(|v| v * k).collect();
         self.template = Template {
             gx: scaled(&b.gx, r),
@@ -585,7 +648,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
             ..Template::default()
         };
         if self.params.second_order {
-            self.sampling.sample_hessian(image, b);
+            let r = self.ssm.radius() as f32;
             self.template.hessian = std::array::from_fn(|k| scaled(&b.hessian[k], r * r));
         }
         let (method, mut kit, _) = self.kit(image, &mut ws);
@@ -603,7 +666,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         self.accepted.copy_from_slice(self.ssm.state());
         self.ssm.begin_frame();
         self.am.begin_frame();
-        match self.search(image, &mut ws) {
+        match self.run(image, &mut ws) {
             Ok((stop, iterations)) => {
                 let similarity = self.am.similarity();
                 self.learn(image, &mut ws);
@@ -646,6 +709,14 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         self.ssm.corners()
     }
 
+    fn needs_truth(&self) -> bool {
+        M::NEEDS_TRUTH
+    }
+
+    fn tell_truth(&mut self, corners: &Corners) {
+        self.truth = Some(*corners);
+    }
+
     fn channels(&self) -> usize {
         self.sampling.channels.count()
     }
@@ -684,7 +755,7 @@ pub(super) const fn entry<M: LkMethod>() -> SmEntry {
     SmEntry {
         name: M::NAME,
         aliases: M::ALIASES,
-        groups: &["lk", "gradient"],
+        groups: M::GROUPS,
         summary: M::SUMMARY,
         params: AllParams::<M>::info,
         refuses: |am| (!am.derivatives).then_some("has no derivatives"),

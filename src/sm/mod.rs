@@ -7,16 +7,22 @@
 mod esm;
 mod falk;
 mod fclk;
+mod fcsd;
 mod gradient;
+mod haclk;
+mod hesm;
 mod ialk;
 mod iclk;
 mod sampling;
 mod workspace;
 
-pub use esm::{EsmMethod, EsmParams};
+pub use esm::{AesmMethod, EsmMethod, EsmParams};
 pub use falk::FalkMethod;
 pub use fclk::FclkMethod;
+pub use fcsd::{FcsdMethod, FcsdParams};
 pub use gradient::{Hessian, Kit, Learning, Lk, LkMethod, LkParams};
+pub use haclk::HaclkMethod;
+pub use hesm::{CoarseWarp, HesmMethod, HesmParams};
 pub use ialk::IalkMethod;
 pub use iclk::IclkMethod;
 pub use sampling::{BorderMode, Channels, SamplingParams};
@@ -31,6 +37,14 @@ pub type Fclk<A, S> = Lk<FclkMethod, A, S>;
 pub type Iclk<A, S> = Lk<IclkMethod, A, S>;
 /// Efficient second-order minimisation.
 pub type Esm<A, S> = Lk<EsmMethod, A, S>;
+/// ESM with additive steps.
+pub type Aesm<A, S> = Lk<AesmMethod, A, S>;
+/// Hierarchical ESM.
+pub type Hesm<A, S> = Lk<HesmMethod, A, S>;
+/// Forward compositional steepest ascent.
+pub type Fcsd<A, S> = Lk<FcsdMethod, A, S>;
+/// FCLK with the Hessian of the ground truth.
+pub type Haclk<A, S> = Lk<HaclkMethod, A, S>;
 
 use crate::am::{AppearanceModel, Capabilities};
 use crate::params::{Assignment, Built, ParamInfo};
@@ -44,6 +58,10 @@ pub const SMS: &[SmEntry] = &[
     gradient::entry::<FclkMethod>(),
     gradient::entry::<IclkMethod>(),
     gradient::entry::<EsmMethod>(),
+    gradient::entry::<AesmMethod>(),
+    gradient::entry::<HesmMethod>(),
+    gradient::entry::<FcsdMethod>(),
+    gradient::entry::<HaclkMethod>(),
 ];
 
 /// A row of the table of search methods.
@@ -53,7 +71,7 @@ pub struct SmEntry {
     pub name: &'static str,
     /// Other names.
     pub aliases: &'static [&'static str],
-    /// Groups that include it (`lk`, `gradient`, ...).
+    /// Groups that include it (`lk`, `gradient`, ...). Methods of no group are for analysis: `all` leaves them out.
     pub groups: &'static [&'static str],
     /// One-line description.
     pub summary: &'static str,
