@@ -13,6 +13,11 @@ mod haclk;
 mod hesm;
 mod ialk;
 mod iclk;
+mod index;
+mod nn;
+mod pf;
+mod probe;
+mod resample;
 mod sampling;
 mod workspace;
 
@@ -25,6 +30,10 @@ pub use haclk::HaclkMethod;
 pub use hesm::{CoarseWarp, HesmMethod, HesmParams};
 pub use ialk::IalkMethod;
 pub use iclk::IclkMethod;
+pub use index::IndexKind;
+pub use nn::{Nn, NnParams};
+pub use pf::{Estimate, Likelihood, Pf, PfParams, Step};
+pub use resample::Resampling;
 pub use sampling::{BorderMode, Channels, SamplingParams};
 
 /// Forward additive Lucas-Kanade.
@@ -62,6 +71,8 @@ pub const SMS: &[SmEntry] = &[
     gradient::entry::<HesmMethod>(),
     gradient::entry::<FcsdMethod>(),
     gradient::entry::<HaclkMethod>(),
+    nn::ENTRY,
+    pf::ENTRY,
 ];
 
 /// A row of the table of search methods.
