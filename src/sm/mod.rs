@@ -17,7 +17,9 @@ mod index;
 mod nn;
 mod pf;
 mod probe;
+mod regression;
 mod resample;
+mod ridge;
 mod sampling;
 mod workspace;
 
@@ -33,6 +35,7 @@ pub use iclk::IclkMethod;
 pub use index::IndexKind;
 pub use nn::{Nn, NnParams};
 pub use pf::{Estimate, Likelihood, Pf, PfParams, Step};
+pub use regression::{Regression, RegressionParams};
 pub use resample::Resampling;
 pub use sampling::{BorderMode, Channels, SamplingParams};
 
@@ -73,6 +76,7 @@ pub const SMS: &[SmEntry] = &[
     gradient::entry::<HaclkMethod>(),
     nn::ENTRY,
     pf::ENTRY,
+    regression::ENTRY,
 ];
 
 /// A row of the table of search methods.

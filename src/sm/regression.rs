@@ -74,7 +74,9 @@ fn pool_into(patch: &[f32], shape: PatchShape, small: Resolution, out: &mut [f32
             for q in 0..small.cols {
                 let (ys, xs) = (bounds(r, small.rows, rows), bounds(q, small.cols, cols));
                 let count = (ys.len() * xs.len()) as f32;
-                let sum: f32 = ys.map(|y| plane[y * cols..][xs.clone()].iter().sum::<f32>()).sum();
+                let sum: f32 = ys
+                    .map(|y| plane[y * cols..][xs.clone()].iter().sum::<f32>())
+                    .sum();
                 out[(c * small.rows + r) * small.cols + q] = sum / count;
             }
         }
@@ -228,7 +230,12 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Regression<A, S> {
         self.probe.place(image, corners, &mut ws)?;
         let shape = self.shape();
         self.cells = vec![0.0; shape.len()];
-        pool_into(&ws.values, self.probe.sampling.shape(), shape.res, &mut self.cells);
+        pool_into(
+            &ws.values,
+            self.probe.sampling.shape(),
+            shape.res,
+            &mut self.cells,
+        );
         self.probe.am.set_template(shape, &self.cells)?;
         let inputs = self.probe.am.feature_len();
         self.template = vec![0.0; inputs];

@@ -113,7 +113,9 @@ mod tests {
     fn both_forms_find_the_weights() {
         let mut rng = Pcg64::seed_from_u64(9);
         for (samples, inputs) in [(60, 12), (12, 60), (30, 30)] {
-            let x: Vec<f32> = (0..samples * inputs).map(|_| rng.random_range(-1.0f32..1.0)).collect();
+            let x: Vec<f32> = (0..samples * inputs)
+                .map(|_| rng.random_range(-1.0f32..1.0))
+                .collect();
             let truth: Vec<f64> = (0..2 * inputs).map(|_| rng.random_range(-1.0..1.0)).collect();
             let y: Vec<f64> = (0..2 * samples)
                 .map(|i| {
@@ -131,7 +133,11 @@ mod tests {
                 for k in 0..inputs {
                     let residual = |i: usize| {
                         let row = &x[i * inputs..(i + 1) * inputs];
-                        let p: f64 = row.iter().zip(w).map(|(x, w)| f64::from(*x) * f64::from(*w)).sum();
+                        let p: f64 = row
+                            .iter()
+                            .zip(w)
+                            .map(|(x, w)| f64::from(*x) * f64::from(*w))
+                            .sum();
                         f64::from(row[k]) * (p - y[2 * i + o])
                     };
                     let g = (0..samples).map(residual).sum::<f64>() + lambda * f64::from(w[k]);
