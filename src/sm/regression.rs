@@ -2,9 +2,10 @@
 //! at the start the region is sampled under many random warps, and ridge regression learns how features of a patch tell
 //! the motion that made it. In place of a regression network: one linear layer per level.
 //!
-//! A level learns from motions of one size; a frame passes the levels from coarse to fine and repeats the last one. Patches are
-//! means over cells of the sampling grid, which keeps out what the cells cannot resolve. Motions are those of the
-//! four corners, so that any warp that composes takes the increment that fits them best.
+//! A level learns from motions of one size; a frame passes the levels from coarse to fine and repeats the last one; steps
+//! that make the patch less similar are not taken. Patches are means over cells of the sampling grid, which keeps out what the
+//! cells cannot resolve. Motions are those of the four corners, so that any warp that composes takes the increment that fits
+//! them best.
 
 use super::SmEntry;
 use super::probe::Probe;
@@ -38,13 +39,13 @@ crate::params! {
         /// per parameter.
         sigma: SigmaSets = SigmaSets([16.0, 8.0, 4.0, 2.0, 1.0].iter().map(|t| vec![*t, 0.5 * t]).collect());
         /// Ridge as a share of the inputs' mean square.
-        ridge: f64 = 1e-3, in 1e-9..=1e3;
+        ridge: f64 = 0.1, in 1e-9..=1e3;
         /// Samples along each side of a cell.
         pool: usize = 2, in 1..=100;
     }
 }
 
-/// Inputs and outputs of the regression.
+/// Coordinates of four corners.
 const OUTPUTS: usize = 8;
 
 /// Learned regression over appearance model `A` and warp `S`.
@@ -188,30 +189,31 @@ impl<A: AppearanceModel, S: StateSpaceModel> Regression<A, S> {
 
     fn search(&mut self, image: &Image, b: &mut Buffers) -> Result<(Stop, u32), TrackError> {
         let last = self.levels.len() - 1;
-        let mut done = 0;
-        let mut failure = None;
-        for k in 0..self.params.max_iters.max(last + 1) {
+        let steps = self.params.max_iters.max(last + 1);
+        let mut best = self.similarity(image, b)?;
+        if best.is_nan() {
+            return Err(TrackError::NotFinite("similarity"));
+        }
+        for k in 0..steps {
             let before = self.probe.ssm.corners();
             self.accepted.copy_from_slice(self.probe.ssm.state());
-            if let Err(e) = self.step(image, k.min(last), b) {
-                // A coarse level that sees something wild leaves it to the finer ones.
+            let f = self
+                .step(image, k.min(last), b)
+                .and_then(|()| self.similarity(image, b))
+                .unwrap_or(f64::NEG_INFINITY);
+            // A level that sees what it has not learned leads away: the finer ones take over from the old place.
+            let better = f > best;
+            if better {
+                best = f;
+            } else {
                 self.probe.ssm.set_state(&self.accepted)?;
-                failure = Some(e);
-                if k >= last {
-                    break;
-                }
-                continue;
             }
-            done += 1;
             let still = self.probe.ssm.motion_squared(&before, &self.accepted) < self.params.epsilon;
-            if k >= last && still {
-                return Ok((Stop::Converged, done));
+            if k >= last && (still || !better) {
+                return Ok((Stop::Converged, k as u32 + 1));
             }
         }
-        match failure {
-            Some(e) if done == 0 => Err(e),
-            _ => Ok((Stop::MaxIterations, done)),
-        }
+        Ok((Stop::MaxIterations, steps as u32))
     }
 
     /// Similarity of the pooled patch at the present state.
@@ -258,10 +260,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Regression<A, S> {
         self.probe.ssm.begin_frame();
         self.probe.am.begin_frame();
         let (stop, iterations) = self.search(image, &mut ws)?;
-        let similarity = self.similarity(image, &mut ws).inspect_err(|_| {
-            // The step before the one that left the image was sound.
-            let _ = self.probe.ssm.set_state(&self.accepted);
-        })?;
+        let similarity = self.similarity(image, &mut ws)?;
         Ok(Update {
             corners: self.probe.ssm.corners(),
             stop,
