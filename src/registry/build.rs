@@ -146,10 +146,12 @@ impl Registry {
             let (ssm, sm) = (ssm.name, sm.name);
             return Err(refused(format!("{ssm} {why}; {sm} needs that; try {others}")));
         }
-        Ok(match (light, sm.build_lit) {
-            (Some(light), Some(build)) => build(&sm_params, model, warp, light)?,
-            _ => (sm.build)(&sm_params, model, warp)?,
-        })
+        let built = match (light, sm.build_lit) {
+            (Some(light), Some(build)) => build(&sm_params, model, warp, light),
+            _ => (sm.build)(&sm_params, model, warp),
+        };
+        // Each parameter is one the method has; what is left is a value that does not suit these models.
+        built.map_err(|e| refused(e.to_string()))
     }
 
     /// Search methods that fulfil a condition, by name.
