@@ -289,7 +289,9 @@ fn composites_say_when_they_are_lost_and_go_on() {
             assert!(distance(&update.corners, &corners(&start)) < 0.5);
         }
     }
-    assert!(features().init(&flat, &corners(&start)).is_err());
+    let flat_start = |mut t: Box<dyn Tracker>| t.init(&flat, &corners(&start)).is_err();
+    assert!(flat_start(Box::new(features())) && flat_start(Box::new(klt_grid(nodes(10)))));
+    assert!(flat_start(Box::new(grid(nodes(5), GridReset::Fixed))));
 }
 
 #[test]

@@ -170,6 +170,7 @@ impl<S: StateSpaceModel> Grid<S> {
 impl<S: StateSpaceModel> Tracker for Grid<S> {
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         self.nodes.init(corners)?;
+        self.previous = None;
         let mut started = 0;
         for i in 0..self.members.len() {
             let patch = self.patch(i, false);

@@ -77,6 +77,13 @@ impl<S: StateSpaceModel> KltGrid<S> {
 impl<S: StateSpaceModel> Tracker for KltGrid<S> {
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         self.nodes.init(corners)?;
+        self.previous = None;
+        // Points that cannot be followed where nothing moves cannot be followed at all.
+        self.klt.track(frame, frame, self.nodes.now(), &mut self.tracked);
+        let good = self.tracked.iter().filter(|t| t.ok()).count();
+        if good < self.nodes.ssm.capabilities().min_points {
+            return Err(TrackError::Template("too few points can be followed"));
+        }
         self.previous = Some(frame.clone());
         Ok(())
     }
