@@ -315,7 +315,7 @@ mod tests {
     fn too_few_points_give_no_nodes() {
         let mut found = vec![None; 30];
         found[4] = Some([3.0, 4.0]);
-        assert!(straightened(&mut found).iter().enumerate().all(|(_, lost)| *lost));
+        assert!(straightened(&mut found).iter().all(|lost| *lost));
         assert!(found.iter().all(Option::is_none));
     }
 }
