@@ -8,6 +8,7 @@ mod feature;
 mod grid;
 mod history;
 mod klt_grid;
+mod line;
 mod nodes;
 mod parallel;
 mod pyramid;
@@ -17,6 +18,7 @@ pub use cascade::{Cascade, CascadeParams};
 pub use feature::{Detection, FeatureParams, FeatureTracker};
 pub use grid::{Grid, GridReset, PatchParams};
 pub use klt_grid::KltGrid;
+pub use line::{LineParams, LineTracker};
 pub use nodes::NodeParams;
 pub use parallel::{Parallel, ParallelEstimate, ParallelParams};
 pub use pyramid::{Pyramid, PyramidParams};
@@ -146,6 +148,24 @@ pub const COMPOSITES: &[CompositeEntry] = &[
         |p, _| {
             let (klt, (nodes, (estimator, warp))): FlowSettings = params(p)?;
             Ok(Box::new(KltGrid::new(nodes, klt, estimator, warp.ssm.build())))
+        },
+    ),
+    CompositeEntry::of::<(LineParams, GridSettings)>(
+        "line",
+        &[],
+        "a grid whose rows and columns are held straight",
+        1..=1,
+        |p, members| {
+            let (lines, (patches, (nodes, (estimator, warp)))): (LineParams, GridSettings) = params(p)?;
+            let member = || members[0].plain();
+            Ok(Box::new(LineTracker::new(
+                nodes,
+                patches,
+                lines,
+                estimator,
+                warp.ssm.build(),
+                member,
+            )?))
         },
     ),
     CompositeEntry::of::<(FeatureParams, (MatchParams, (EstimatorParams, WarpParams)))>(

@@ -27,7 +27,7 @@ mod warp;
 pub use blend::{accumulate, product, row_times, scale_shift};
 pub use corner::{CENTROID_RADIUS, centroid, corner_response, corner_scratch_len};
 pub use filter::{Pass, filter_pass, subtract_combination};
-pub use flow::{FlowWindow, Place, flow_mismatch, flow_residual, flow_window};
+pub use flow::{FlowMatch, FlowWindow, Place, flow_match, flow_mismatch, flow_window, flow_window_warped};
 pub use halve::{halve, halve_scratch_len};
 pub use hamming::{Bits, hamming, hamming_distances};
 #[cfg(target_arch = "x86_64")]
