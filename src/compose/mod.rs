@@ -264,13 +264,14 @@ pub struct ShortEntry {
 impl ShortEntry {
     const fn new(
         name: &'static str,
+        aliases: &'static [&'static str],
         groups: &'static [&'static str],
         summary: &'static str,
         template: &'static str,
     ) -> Self {
         ShortEntry {
             name,
-            aliases: &[],
+            aliases,
             groups,
             summary,
             template,
@@ -294,24 +295,128 @@ impl ShortEntry {
     }
 }
 
+/// Patches of the named appearance model around the nodes of a grid, over two levels of the pyramid.
+macro_rules! patches {
+    ($estimator:literal) => {
+        concat!(
+            "grid(pyramid(fclk/{am}/translation{res=20x20}; levels=2, scale_res=0); ssm={ssm}, estimator=",
+            $estimator,
+            ")"
+        )
+    };
+}
+
+/// A flow grid in front of a search method.
+macro_rules! flow {
+    ($sm:literal) => {
+        concat!("cascade(flow{ssm={ssm},estimator=lmeds}, ", $sm, "/{lit}/{ssm})")
+    };
+}
+
+/// One search method after another.
+macro_rules! after {
+    ($first:literal, $then:literal) => {
+        concat!("cascade(", $first, "/{am}/{ssm}, ", $then, "/{lit}/{ssm})")
+    };
+}
+
 /// Every short name.
 pub const SHORT: &[ShortEntry] = &[
     ShortEntry::new(
-        "pyfc",
-        &["composite"],
-        "pyramid of FCLK",
-        "pyramid(fclk/{lit}/{ssm})",
+        "lms",
+        &[],
+        ROBUST,
+        "grid of patches, least median of squares",
+        patches!("lmeds"),
+    ),
+    ShortEntry::new(
+        "ransac",
+        &["rnsc"],
+        ROBUST,
+        "grid of patches, sampling consensus",
+        patches!("ransac"),
+    ),
+    ShortEntry::new(
+        "rklt",
+        &["rkl"],
+        COMPOSITE,
+        "grid of patches with RANSAC, corrected by ICLK on a template",
+        concat!("rklt(", patches!("ransac"), ", iclk/{lit}/{ssm})"),
+    ),
+    ShortEntry::new(
+        "lmes",
+        &[],
+        COMPOSITE,
+        "grid of patches with LMedS, corrected by ESM on a template",
+        concat!("rklt(", patches!("lmeds"), ", esm/{lit}/{ssm})"),
+    ),
+    ShortEntry::new("gric", &[], COMPOSITE, "flow grid, then ICLK", flow!("iclk")),
+    ShortEntry::new("grfc", &[], COMPOSITE, "flow grid, then FCLK", flow!("fclk")),
+    ShortEntry::new("gres", &[], COMPOSITE, "flow grid, then ESM", flow!("esm")),
+    ShortEntry::new(
+        "nnic",
+        &[],
+        COMPOSITE,
+        "nearest neighbour, then ICLK",
+        after!("nn", "iclk"),
+    ),
+    ShortEntry::new(
+        "nnfc",
+        &[],
+        COMPOSITE,
+        "nearest neighbour, then FCLK",
+        after!("nn", "fclk"),
+    ),
+    ShortEntry::new(
+        "nnes",
+        &[],
+        COMPOSITE,
+        "nearest neighbour, then ESM",
+        after!("nn", "esm"),
+    ),
+    ShortEntry::new(
+        "pfic",
+        &[],
+        COMPOSITE,
+        "particle filter, then ICLK",
+        after!("pf", "iclk"),
+    ),
+    ShortEntry::new(
+        "pffc",
+        &[],
+        COMPOSITE,
+        "particle filter, then FCLK",
+        after!("pf", "fclk"),
+    ),
+    ShortEntry::new(
+        "pfes",
+        &[],
+        COMPOSITE,
+        "particle filter, then ESM",
+        after!("pf", "esm"),
     ),
     ShortEntry::new(
         "pyic",
-        &["composite"],
+        &["pyr"],
+        COMPOSITE,
         "pyramid of ICLK",
         "pyramid(iclk/{lit}/{ssm})",
     ),
     ShortEntry::new(
+        "pyfc",
+        &[],
+        COMPOSITE,
+        "pyramid of FCLK",
+        "pyramid(fclk/{lit}/{ssm})",
+    ),
+    ShortEntry::new(
         "pyes",
-        &["composite"],
+        &[],
+        COMPOSITE,
         "pyramid of ESM",
         "pyramid(esm/{lit}/{ssm})",
     ),
 ];
+
+const ROBUST: &[&str] = &["robust", "composite"];
+const COMPOSITE: &[&str] = &["composite"];
