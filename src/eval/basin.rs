@@ -396,7 +396,7 @@ mod tests {
         BasinRequest {
             trackers: trackers.iter().map(entry).collect(),
             textures: vec![texture(1), texture(2)],
-            sigmas: vec![0.5, 12.0],
+            sigmas: vec![0.5, 24.0],
             trials: 12,
             side: 60.0,
             updates: 3,

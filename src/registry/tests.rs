@@ -60,7 +60,7 @@ fn warps_without_an_algebra_are_refused_where_it_is_needed() {
     let refused = |text: &str| r.build(&r.parse(text).unwrap()).err().map(|e| e.to_string());
     assert_eq!(
         refused("esm/ssd/spline").unwrap(),
-        "esm/ssd/spline: spline does not compose; esm needs that; try falk, ialk"
+        "esm/ssd/spline: spline does not compose; esm needs that; try falk, ialk, aesm, nn, pf"
     );
     assert!(
         refused("iclk/ncc/tps")
