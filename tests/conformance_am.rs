@@ -370,9 +370,17 @@ fn flat_and_saturated_patches_are_no_numbers_in_disguise() {
         let textured: Vec<f32> = (0..143)
             .map(|i| waves.at([(i % 13) as f64 * 4.0, (i / 13) as f64 * 4.0]) as f32)
             .collect();
-        let mut am = (entry.build)(&[]).unwrap();
-        am.set_template(shape, &textured).unwrap();
-        for level in [0.0, 128.0, 255.0] {
+        let robust = (entry.params)().iter().any(|p| p.name == "robust");
+        let robust: &[_] = if robust {
+            &["none", "huber", "tukey"]
+        } else {
+            &["none"]
+        };
+        for (loss, level) in robust.iter().flat_map(|r| [0.0, 128.0, 255.0].map(|l| (*r, l))) {
+            let loss = [("robust", loss)];
+            let mut am = (entry.build)(if robust.len() > 1 { &loss } else { &[] }).unwrap();
+            am.set_template(shape, &textured).unwrap();
+            am.set_current(&[level; 143]);
             am.set_current(&[level; 143]);
             assert!(
                 am.similarity().is_finite() && am.likelihood().is_finite(),

@@ -8,7 +8,7 @@ use mtf_eval::dataset;
 use mtf_eval::diagnose::Waves;
 use mtf_eval::eval::error::frame_error;
 use mtf_eval::geom::{Corners, Mat3, homography};
-use mtf_eval::ilm::{Gb, ILMS, Rbf};
+use mtf_eval::ilm::ILMS;
 use mtf_eval::image::{Decoded, Frame, Image, parse_preprocessor};
 use mtf_eval::prelude::*;
 use mtf_eval::tracker::{Stop, Tracker};

@@ -95,7 +95,11 @@ mod with_networks {
             channels: 3,
             ..shape(20, 20)
         };
-        for (shape, what) in [(color, "number of channels"), (shape(6, 20), "resolution")] {
+        for (shape, what) in [
+            (color, "number of channels"),
+            (shape(6, 20), "so small a patch"),
+            (shape(4, 20), "resolution"),
+        ] {
             match dfm().set_template(shape, &vec![100.0; shape.len()]) {
                 Err(TrackError::Template(why)) => assert!(why.contains(what), "{why}"),
                 other => panic!("{shape:?}: {other:?}"),

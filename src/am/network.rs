@@ -123,8 +123,11 @@ mod onnx {
         text.lines().next().unwrap_or_default().to_owned()
     }
 
-    /// Whether something in the graph makes each of its outputs.
+    /// Whether the file names its operators' version, and something in the graph makes each of its outputs.
     fn complete(model: &ModelProto) -> bool {
+        if model.opset_import.iter().all(|set| set.version == 0) {
+            return false;
+        }
         let Some(graph) = &model.graph else { return false };
         let made: BTreeSet<&str> = (graph.node.iter().flat_map(|n| &n.output))
             .chain(graph.input.iter().map(|v| &v.name))
@@ -140,7 +143,7 @@ mod onnx {
         let onnx = tract_onnx::onnx();
         let proto = onnx.proto_model_for_read(&mut &bytes[..]).map_err(format)?;
         if !complete(&proto) {
-            return Err(NetworkError::Format("its graph is incomplete".to_owned()));
+            return Err(NetworkError::Format("the file is incomplete".to_owned()));
         }
         let graph = onnx.model_for_proto_model(&proto).map_err(format)?;
         let (inputs, outputs) = (graph.inputs.len(), graph.outputs.len());

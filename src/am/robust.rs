@@ -32,6 +32,9 @@ pub(super) const NOISE: f64 = 1.0;
 /// Standard deviation over median absolute value, of Gaussian noise.
 const MAD: f64 = 1.4826;
 
+/// Least scale: standardised flat patches do not differ at all.
+const LEAST_SCALE: f64 = 1e-6;
+
 /// Weights of the values of a patch.
 #[derive(Clone, Debug)]
 pub(super) struct Weights {
@@ -111,7 +114,7 @@ impl Weights {
         self.sizes.extend(kept.map(|(e, _)| e.abs()));
         let middle = self.sizes.len() / 2;
         let (_, median, _) = self.sizes.select_nth_unstable_by(middle, f32::total_cmp);
-        self.scale = (MAD * f64::from(*median)).max(floor);
+        self.scale = (MAD * f64::from(*median)).max(floor).max(LEAST_SCALE);
         let inverse = (1.0 / self.scale) as f32;
         let loss = match self.loss {
             Robust::Tukey => kernels::tukey(e, inverse, TUKEY, &mut self.w),

@@ -1,4 +1,5 @@
-//! Models that learn, feature maps and sums of models on the plain sequences of the embedded dataset.
+//! Appearance models on the embedded dataset: what is plain is tracked closely, and changes of lighting by the models
+//! made for them.
 
 use mtf_eval::am::AMS;
 use mtf_eval::dataset;
@@ -6,16 +7,16 @@ use mtf_eval::image::{Frame, parse_preprocessor};
 use mtf_eval::registry::{Registry, Selection};
 use rayon::prelude::*;
 
-/// Share of frames within 5 px, and the mean error, of each tracker on every plain sequence.
-fn track(trackers: &[String]) -> Vec<(String, f64, f64)> {
+/// Share of frames within 5 px, and the mean error, of each tracker on every sequence with a tag.
+fn track(tag: &str, trackers: &[String]) -> Vec<(String, f64, f64)> {
     let registry = Registry::builtin();
     let sequences = dataset::builtin().unwrap().sequences;
-    let plain: Vec<_> = (sequences
+    let tagged: Vec<_> = sequences
         .iter()
-        .filter(|s| s.tags().contains(&"plain".to_owned())))
-    .collect();
-    assert!(plain.len() >= 4);
-    let runs: Vec<Vec<(String, f64, f64)>> = plain
+        .filter(|s| s.tags().iter().any(|t| t == tag))
+        .collect();
+    assert!(!tagged.is_empty(), "{tag}");
+    let runs: Vec<Vec<(String, f64, f64)>> = tagged
         .par_iter()
         .map(|sequence| {
             let pre = parse_preprocessor("gaussian:5:3").unwrap();
@@ -61,7 +62,7 @@ fn subspaces_features_and_sums_track_what_is_plain() {
     assert!(
         ids.iter().any(|id| id.starts_with("fclk/pca")) && ids.iter().any(|id| id.starts_with("falk/pca"))
     );
-    for (id, hits, mean) in track(&ids) {
+    for (id, hits, mean) in track("plain", &ids) {
         assert!(
             hits == 1.0 && mean < 0.5,
             "{id}: {hits} within 5 px, mean {mean} px"
@@ -78,9 +79,31 @@ fn a_sum_tracks_with_every_member_that_tracks_alone() {
     let ids: Vec<String> = members
         .map(|e| format!("fclk/sum/homography{{am1={},am2=zncc}}", e.name))
         .collect();
-    for (id, hits, mean) in track(&ids) {
+    for (id, hits, mean) in track("plain", &ids) {
         assert!(
             hits == 1.0 && mean < 0.5,
+            "{id}: {hits} within 5 px, mean {mean} px"
+        );
+    }
+}
+
+#[test]
+fn measures_of_contrast_ratio_and_tone_are_exact_on_what_is_plain() {
+    for (model, bar) in [("lscv", 0.1), ("lrscv", 0.1), ("riu", 0.045), ("spss", 0.06)] {
+        let runs = track("plain", &[format!("esm/{model}/homography")]);
+        let mean = runs.iter().map(|(_, _, mean)| mean).sum::<f64>() / runs.len() as f64;
+        assert!(mean <= bar, "{model}: mean {mean} px");
+        assert!(runs.iter().all(|(_, hits, _)| *hits == 1.0), "{runs:?}");
+    }
+}
+
+#[test]
+fn models_made_for_it_follow_a_change_of_lighting() {
+    let models = ["zncc", "ncc", "riu", "scv", "rscv", "lscv", "lrscv", "dfm"];
+    let ids: Vec<String> = models.iter().map(|am| format!("esm/{am}/homography")).collect();
+    for (id, hits, mean) in track("lighting", &ids) {
+        assert!(
+            hits == 1.0 && mean < 1.0,
             "{id}: {hits} within 5 px, mean {mean} px"
         );
     }
