@@ -299,7 +299,7 @@ impl ShortEntry {
 macro_rules! patches {
     ($estimator:literal) => {
         concat!(
-            "grid(pyramid(fclk/{am}/translation{res=20x20}; levels=2, scale_res=0); ssm={ssm}, estimator=",
+            "grid(pyramid(fclk/{am}/translation{res=25x25}; scale_res=0); ssm={ssm}, patch_size=40, estimator=",
             $estimator,
             ")"
         )
@@ -340,15 +340,15 @@ pub const SHORT: &[ShortEntry] = &[
         "rklt",
         &["rkl"],
         COMPOSITE,
-        "grid of patches with RANSAC, corrected by ICLK on a template",
-        concat!("rklt(", patches!("ransac"), ", iclk/{lit}/{ssm})"),
+        "flow grid with RANSAC, corrected by ICLK on a template",
+        "rklt(flow{ssm={ssm}}, iclk/{lit}/{ssm})",
     ),
     ShortEntry::new(
         "lmes",
         &[],
         COMPOSITE,
-        "grid of patches with LMedS, corrected by ESM on a template",
-        concat!("rklt(", patches!("lmeds"), ", esm/{lit}/{ssm})"),
+        "flow grid with LMedS, corrected by ESM on a template",
+        "rklt(flow{ssm={ssm},estimator=lmeds}, esm/{lit}/{ssm})",
     ),
     ShortEntry::new("gric", &[], COMPOSITE, "flow grid, then ICLK", flow!("iclk")),
     ShortEntry::new("grfc", &[], COMPOSITE, "flow grid, then FCLK", flow!("fclk")),

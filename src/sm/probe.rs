@@ -18,6 +18,15 @@ pub(super) struct Probe<A, S> {
     started: bool,
 }
 
+/// A similarity that is a number.
+pub(super) fn number(f: f64) -> Result<f64, TrackError> {
+    if f.is_finite() {
+        Ok(f)
+    } else {
+        Err(TrackError::NotFinite("similarity"))
+    }
+}
+
 impl<A: AppearanceModel, S: StateSpaceModel> Probe<A, S> {
     pub fn new(sampling: SamplingParams, am: A, ssm: S) -> Self {
         Probe {
@@ -70,7 +79,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Probe<A, S> {
     pub fn similarity(&mut self, image: &Image, b: &mut Buffers) -> Result<f64, TrackError> {
         self.look(image, b)?;
         self.am.set_current(&b.values);
-        Ok(self.am.similarity())
+        number(self.am.similarity())
     }
 
     /// Patch at a random state near the base, whose state is left in the warp. Draws from set `set` of the sampler; `work`

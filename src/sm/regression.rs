@@ -8,7 +8,7 @@
 //! them best.
 
 use super::SmEntry;
-use super::probe::Probe;
+use super::probe::{Probe, number};
 use super::ridge::ridge;
 use super::sampling::SamplingParams;
 use super::workspace::Buffers;
@@ -221,7 +221,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Regression<A, S> {
         self.probe.look(image, b)?;
         self.describe(b);
         self.probe.am.set_current(&self.cells);
-        Ok(self.probe.am.similarity())
+        number(self.probe.am.similarity())
     }
 }
 
