@@ -193,7 +193,12 @@ fn trackers_on_bad_frames_and_tiny_grids_fail_or_stay_finite() {
                 }
                 assert!(tracker.corners().is_finite(), "{spec}");
             }
-            if res == "20x20" {
+            // A search by samples may end anywhere with a model that tells few of them apart.
+            let precise = registry
+                .sms()
+                .iter()
+                .any(|e| e.name == spec.parts().0 && e.groups.contains(&"gradient"));
+            if res == "20x20" && precise {
                 tracker.set_region(&quad).unwrap();
                 let update = tracker.update(&still).unwrap_or_else(|e| panic!("{spec}: {e}"));
                 assert!(alignment_error(&update.corners, &quad) < 1.0, "{spec}");

@@ -69,8 +69,8 @@ fn faults_in_nested_trackers_are_placed() {
     for (text, message) in [
         ("cascade(esm/ssd/8", "column 18: expected ',', ';' or ')'"),
         (
-            "cascade(esm/sd/8)",
-            "unknown appearance model 'sd'; did you mean 'ssd'?",
+            "cascade(esm/ssdd/8)",
+            "unknown appearance model 'ssdd'; did you mean 'ssd'?",
         ),
         (
             "cascaed(esm/ssd/8)",
