@@ -185,7 +185,7 @@ fn window_lanes<V: Lanes>(place: Place<'_>, window: &mut FlowWindow) -> [f64; 3]
         ..place
     };
     if around.inside(side + 2, side + 2) {
-        let [dx, dy] = place.fraction.map(V::splat);
+        let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
         for (row, out) in wide.chunks_exact_mut(across).enumerate() {
             let at = (around.top as usize + row) * place.stride + around.left as usize;
             // Past the end of a row come other pixels of the plane, or nothing that is used.
@@ -232,6 +232,17 @@ fn warped_window_lanes<V: Lanes>(image: Grid2<'_>, map: [f64; 6], window: &mut F
     gradient_pass::<V>(window, [all.clone(), all])
 }
 
+/// Eight elements from the first, the second and the third on.
+#[inline(always)]
+fn three<V: Lanes>(s: &[f32]) -> (V, V, V) {
+    let s = &s[..WIDTH + 2];
+    (
+        V::load(&s[..WIDTH]),
+        V::load(&s[1..1 + WIDTH]),
+        V::load(&s[2..2 + WIDTH]),
+    )
+}
+
 /// Values, Scharr gradient inside the given columns and rows, and its products, from the values one sample beyond.
 #[inline(always)]
 fn gradient_pass<V: Lanes>(
@@ -264,18 +275,17 @@ fn gradient_pass<V: Lanes>(
                 }
             }
             let mask = V::from_array(mask);
-            let at = |l: &[f32], k: usize| V::load(&l[i + k..i + k + WIDTH]);
-            let down = |k: usize| at(below, k).sub(at(above, k));
-            let column = |k: usize| {
-                at(above, k)
-                    .add(at(below, k))
-                    .mul_add(smooth, at(here, k).mul(middle))
-            };
-            let x = column(2).sub(column(0)).mul(half).mul(mask);
-            let y = down(0).add(down(2)).mul_add(smooth, down(1).mul(middle));
-            let y = y.mul(half).mul(mask);
+            // One place to the left, here, and one to the right.
+            let (a0, a1, a2) = three::<V>(&above[i..]);
+            let (b0, b1, b2) = three::<V>(&here[i..]);
+            let (c0, c1, c2) = three::<V>(&below[i..]);
+            let left = a0.add(c0).mul_add(smooth, b0.mul(middle));
+            let right = a2.add(c2).mul_add(smooth, b2.mul(middle));
+            let x = right.sub(left).mul(half).mul(mask);
+            let y = c0.sub(a0).add(c2.sub(a2));
+            let y = y.mul_add(smooth, c1.sub(a1).mul(middle)).mul(half).mul(mask);
             let o = row * cols + i;
-            at(here, 1).store(&mut values[o..o + WIDTH]);
+            b1.store(&mut values[o..o + WIDTH]);
             x.store(&mut gx[o..o + WIDTH]);
             y.store(&mut gy[o..o + WIDTH]);
             xx = x.mul_add(x, xx);
@@ -293,7 +303,7 @@ fn mismatch_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow) -> [f64; 2] {
     if !place.inside(cols, side) {
         return mismatch_at_border(place, window);
     }
-    let [dx, dy] = place.fraction.map(V::splat);
+    let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
     let (mut bx, mut by) = (V::splat(0.0), V::splat(0.0));
     for row in 0..side {
         let at = (place.top as usize + row) * place.stride + place.left as usize;
@@ -323,7 +333,7 @@ fn moments_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow) -> [f64; 6] {
     if !place.inside(cols, side) {
         return moments_at_border(place, window, middle);
     }
-    let [dx, dy] = place.fraction.map(V::splat);
+    let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
     let shift = V::splat(middle);
     let mut sums = [V::splat(0.0); 6];
     for row in 0..side {

@@ -25,7 +25,7 @@ mod tone;
 mod warp;
 
 pub use blend::{accumulate, product, row_times, scale_shift};
-pub use corner::{CENTROID_RADIUS, centroid, corner_response, corner_scratch_len};
+pub use corner::{CENTROID_RADIUS, centroid, corner_response, corner_scratch_len, row_peaks};
 pub use filter::{Pass, filter_pass, subtract_combination};
 pub use flow::{FlowMatch, FlowWindow, Place, flow_match, flow_mismatch, flow_window, flow_window_warped};
 pub use halve::{halve, halve_scratch_len};
