@@ -3,6 +3,7 @@
 //! One file per kind; [`COMPOSITES`] is the table that names them, [`SHORT`] the search methods that are composites of
 //! others. May depend on everything below `registry`.
 
+mod best;
 mod cascade;
 mod feature;
 mod grid;
@@ -14,6 +15,7 @@ mod parallel;
 mod pyramid;
 mod rklt;
 
+pub use best::{Best, BestParams};
 pub use cascade::{Cascade, CascadeParams};
 pub use feature::{Detection, FeatureParams, FeatureTracker};
 pub use grid::{Grid, GridReset, PatchParams};
@@ -185,6 +187,13 @@ pub const COMPOSITES: &[CompositeEntry] = &[
                 warp.ssm.build(),
             )))
         },
+    ),
+    CompositeEntry::of::<BestParams>(
+        "best",
+        &[],
+        "alignment to the template by blocks, from motion, flow, a coarse search or key points, whichever agrees",
+        0..=0,
+        |p, _| Ok(Box::new(Best::new(params(p)?))),
     ),
 ];
 

@@ -4,6 +4,7 @@
 //! results on any instruction set. Depends on nothing else in the crate but plain data types.
 
 mod blend;
+mod blocks;
 pub mod blur;
 mod corner;
 mod filter;
@@ -25,6 +26,7 @@ mod tone;
 mod warp;
 
 pub use blend::{accumulate, product, row_times, scale_shift};
+pub use blocks::block_moments;
 pub use corner::{CENTROID_RADIUS, centroid, corner_response, corner_scratch_len, row_peaks};
 pub use filter::{Pass, filter_pass, subtract_combination};
 pub use flow::{FlowMatch, FlowWindow, Place, flow_match, flow_mismatch, flow_window, flow_window_warped};
@@ -34,7 +36,7 @@ pub use hamming::{Bits, hamming, hamming_distances};
 pub use lanes::Avx2;
 pub(crate) use lanes::dispatch;
 pub use lanes::{Lanes, Portable, SimdLevel, WIDTH, simd_level};
-pub use normal::{Jacobian, normal_equations, project, weighted_normal_equations};
+pub use normal::{Jacobian, block_gram, normal_equations, project, weighted_normal_equations};
 pub use photometric::{light, multiply, unlight};
 pub use pixelwise::{
     absolute_distance, affine_product, ratio_variation, reciprocal, spss_curvature, spss_distance,

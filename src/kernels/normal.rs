@@ -2,6 +2,7 @@
 
 use super::{Lanes, WIDTH, dispatch};
 use crate::geom::solve::SymMatrix;
+use std::ops::Range;
 
 /// N x S matrix of `f32` in column-major order (struct of arrays): a row per patch value, a column per parameter.
 #[derive(Clone, Debug, Default)]
@@ -82,6 +83,8 @@ dispatch! {
     pub fn weighted_normal_equations(
         j: &Jacobian, w: &[f32], rhs: &[&[f32]], h: &mut SymMatrix, out: &mut [f64],
     ) = weighted_lanes;
+    /// `h = J'J` over rows `first..last` alone.
+    pub fn block_gram(j: &Jacobian, first: usize, last: usize, h: &mut SymMatrix) = block_lanes;
 }
 
 /// Columns handled together when projecting.
@@ -126,27 +129,33 @@ const BLOCK: usize = 256;
 
 #[inline(always)]
 fn normal_lanes<V: Lanes>(j: &Jacobian, rhs: &[&[f32]], h: &mut SymMatrix, out: &mut [f64]) {
-    system::<V, false>(j, &[], rhs, h, out);
+    system::<V, false>(j, 0..j.rows, &[], rhs, h, out);
+}
+
+#[inline(always)]
+fn block_lanes<V: Lanes>(j: &Jacobian, first: usize, last: usize, h: &mut SymMatrix) {
+    system::<V, false>(j, first..last, &[], &[], h, &mut []);
 }
 
 #[inline(always)]
 fn weighted_lanes<V: Lanes>(j: &Jacobian, w: &[f32], rhs: &[&[f32]], h: &mut SymMatrix, out: &mut [f64]) {
-    system::<V, true>(j, &w[..j.rows], rhs, h, out);
+    system::<V, true>(j, 0..j.rows, &w[..j.rows], rhs, h, out);
 }
 
 #[inline(always)]
 fn system<V: Lanes, const WEIGHTED: bool>(
     j: &Jacobian,
+    rows: Range<usize>,
     w: &[f32],
     rhs: &[&[f32]],
     h: &mut SymMatrix,
     out: &mut [f64],
 ) {
-    let (n, s) = (j.rows, j.cols);
+    let (n, s) = (rows.len(), j.cols);
     let total = s + rhs.len();
     let column = |k: usize| -> &[f32] {
         let k = k.min(total - 1);
-        if k < s { j.col(k) } else { &rhs[k - s][..n] }
+        &(if k < s { j.col(k) } else { rhs[k - s] })[rows.clone()]
     };
     let side = total.div_ceil(TILE);
     // Upper triangle of tiles whose rows hold at least one parameter.
@@ -274,6 +283,17 @@ mod tests {
             let (mut hp, mut outp) = (SymMatrix::new(s), vec![0.0; m * s]);
             normal_lanes::<Portable>(&j, &rhs, &mut hp, &mut outp);
             prop_assert_eq!((&h, &out), (&hp, &outp));
+            let (first, last) = (n / 3, n - n / 4);
+            let (mut hb, mut hbp) = (SymMatrix::new(s), SymMatrix::new(s));
+            block_gram(&j, first, last, &mut hb);
+            for a in 0..s {
+                for b in 0..s {
+                    let want = exact(&j.col(a)[first..last], &j.col(b)[first..last]);
+                    prop_assert!((hb.get(a, b) - want).abs() < 1e-6 * n as f64);
+                }
+            }
+            block_lanes::<Portable>(&j, first, last, &mut hbp);
+            prop_assert_eq!(&hb, &hbp);
             let w: Vec<f32> = (0..n).map(|i| value(i, 200)).collect();
             let (mut hw, mut outw) = (SymMatrix::new(s), vec![0.0; m * s]);
             weighted_normal_equations(&j, &w, &rhs, &mut hw, &mut outw);

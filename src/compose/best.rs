@@ -1,0 +1,391 @@
+//! One tracker of its own: second-order alignment to the first frame's template over a pyramid, started from where the
+//! object should be, and, as long as the template does not agree there, from where flow, a coarse search and key points
+//! say it is.
+//!
+//! What decides is always the agreement of the template, block by block: a pose is taken when enough blocks agree, even
+//! if the others are covered or outside the image.
+
+mod align;
+mod view;
+
+use super::feature::{FeatureParams, FeatureTracker};
+use crate::estimate::{EstimateMethod, Estimator, EstimatorParams, PointModel};
+use crate::features::MatchParams;
+use crate::flow::{Klt, KltParams};
+use crate::geom::{Corners, Mat3, homography};
+use crate::image::Frame;
+use crate::ssm::Homography;
+use crate::tracker::{Stop, TrackError, Tracker, Update};
+use align::{Aligner, Score};
+use std::collections::VecDeque;
+
+crate::params! {
+    /// Parameters of `best`.
+    pub struct BestParams {
+        /// Points of the template at each level of the pyramid, at most about this many.
+        best_points: usize = 3600, in 200..=1_000_000;
+        /// Points that poses are judged with, at most about this many.
+        best_judge: usize = 1600, in 100..=100_000;
+        /// Score, relative to the median of the last frames, from which no other start is tried.
+        best_enough: f64 = 0.9, in 0.0..=1.0;
+        /// Mean correlation of the better half of the visible template from which it has been found.
+        best_found: f64 = 0.6, in 0.0..=1.0;
+        /// Distance that is searched around the last place, px.
+        best_reach: f64 = 48.0, in 0.0..=1000.0;
+        /// Most frames that flow alone is believed.
+        best_coast: usize = 10, in 0..=10_000;
+    }
+}
+
+/// Fewest blocks that agree, and least share of all, where the object has been found.
+const AGREEING: (usize, f64) = (4, 0.12);
+/// Frames whose scores are remembered.
+const MEMORY: usize = 15;
+/// Score, relative to the median, below which key points are looked at.
+const DOUBT: f64 = 0.75;
+/// Fewest points that flow is believed with, and least share of them.
+const FLOW: (usize, f64) = (8, 0.6);
+/// Rotations, degrees, and magnifications of the wider search.
+const TURNS: [f64; 4] = [-16.0, 16.0, -32.0, 32.0];
+const ZOOMS: [f64; 2] = [0.8, 1.25];
+
+/// The plane's motion between frames.
+struct Plane;
+
+impl PointModel for Plane {
+    fn min_points(&self) -> usize {
+        4
+    }
+    fn fit(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
+        homography::from_points(from, to)
+    }
+    fn minimal(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
+        homography::from_four(from, to)
+    }
+    fn refine(&self, m: &Mat3, from: &[[f64; 2]], to: &[[f64; 2]], iterations: usize) -> Option<Mat3> {
+        homography::refine(m, from, to, iterations)
+    }
+}
+
+/// A pose with its score.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    pose: Mat3,
+    score: Score,
+}
+
+/// The tracker `best`; its similarity is the mean correlation of the template's visible blocks, 0 to 1.
+pub struct Best {
+    params: BestParams,
+    aligner: Aligner,
+    pose: Mat3,
+    /// Motion in the image from the frame before the last to the last.
+    motion: Mat3,
+    previous: Option<Frame>,
+    klt: Klt,
+    estimator: Estimator,
+    features: FeatureTracker<Homography>,
+    has_features: bool,
+    seed: u64,
+    /// Scores of the last frames in which the object was found.
+    scores: VecDeque<f64>,
+    sorted: Vec<f64>,
+    /// Frames since the object was last found, and of these those in which flow was believed.
+    lost: usize,
+    /// Places in the base that flow follows, and pairs of places in the last frame and this one.
+    nodes: Vec<[f64; 2]>,
+    from: Vec<[f64; 2]>,
+    to: Vec<[f64; 2]>,
+    iterations: u32,
+}
+
+impl Best {
+    /// With its parameters.
+    pub fn new(params: BestParams) -> Self {
+        let features = FeatureParams {
+            feat_points: 800,
+            feat_points_whole: 1500,
+            ..FeatureParams::default()
+        };
+        let klt = KltParams {
+            klt_iters: 15,
+            klt_epsilon: 0.03,
+            ..KltParams::default()
+        };
+        let estimator = EstimatorParams {
+            estimator: EstimateMethod::Ransac,
+            est_thresh: 3.0,
+            est_iters: 500,
+            ..EstimatorParams::default()
+        };
+        Best {
+            params,
+            aligner: Aligner::default(),
+            pose: Mat3::identity(),
+            motion: Mat3::identity(),
+            previous: None,
+            klt: Klt::new(klt),
+            estimator: Estimator::new(estimator, 0),
+            features: FeatureTracker::new(
+                features,
+                MatchParams::default(),
+                EstimatorParams::default(),
+                Homography::default(),
+            ),
+            has_features: false,
+            seed: 0,
+            scores: VecDeque::with_capacity(MEMORY + 1),
+            sorted: Vec::with_capacity(MEMORY + 1),
+            lost: 0,
+            nodes: Vec::new(),
+            from: Vec::new(),
+            to: Vec::new(),
+            iterations: 0,
+        }
+    }
+
+    /// Median of the scores of the last frames.
+    fn median(&mut self) -> f64 {
+        self.sorted.clear();
+        self.sorted.extend(&self.scores);
+        self.sorted.sort_unstable_by(f64::total_cmp);
+        self.sorted.get(self.sorted.len() / 2).copied().unwrap_or(1.0)
+    }
+
+    /// Whether a score says that the object is there.
+    fn found(&self, score: &Score) -> bool {
+        score.best_half >= self.params.best_found && score.agreeing >= AGREEING.0 && score.agree >= AGREEING.1
+    }
+
+    /// Aligns from a start and keeps the result when it is the best.
+    fn attempt(&mut self, frame: &Frame, start: &Mat3, best: &mut Option<Candidate>) {
+        let Some((pose, score, iterations)) = self.aligner.align(frame, start, self.params.best_judge) else {
+            return;
+        };
+        self.iterations += iterations;
+        let better = |b: &Candidate| {
+            let found = (self.found(&score), self.found(&b.score));
+            if found.0 == found.1 {
+                score.total > b.score.total
+            } else {
+                found.0
+            }
+        };
+        if best.as_ref().is_none_or(better) {
+            *best = Some(Candidate { pose, score });
+        }
+    }
+
+    /// The pose that flow from the last frame leads to, searched from `guess`; whether it is to be believed on its own.
+    fn flow(&mut self, frame: &Frame, guess: &Mat3) -> Option<(Mat3, bool)> {
+        let previous = self.previous.take()?;
+        self.from.clear();
+        self.to.clear();
+        for x in &self.nodes {
+            let (a, b) = (homography::apply(&self.pose, *x), homography::apply(guess, *x));
+            let found = self.klt.track_point(&previous, frame, a, b);
+            if found.ok() {
+                self.from.push(*x);
+                self.to.push(found.at);
+            }
+        }
+        self.previous = Some(previous);
+        if self.from.len() < FLOW.0 {
+            return None;
+        }
+        let pose = self.estimator.estimate(&Plane, &self.from, &self.to).ok()?;
+        let agreed = self.estimator.inliers().iter().filter(|i| **i).count();
+        let sure = agreed >= FLOW.0 && agreed as f64 >= FLOW.1 * self.nodes.len() as f64;
+        Some((pose / pose[(2, 2)], sure && self.aligner.sound(&pose, frame)))
+    }
+
+    /// Turns and scales a pose about the object's centre.
+    fn turned(pose: &Mat3, degrees: f64, zoom: f64) -> Mat3 {
+        let (s, c) = libm::sincos(degrees.to_radians());
+        pose * Mat3::new(zoom * c, -zoom * s, 0.0, zoom * s, zoom * c, 0.0, 0.0, 0.0, 1.0)
+    }
+
+    /// The pose at which the key points say the object is: near the last one, or anywhere.
+    fn key_points(&mut self, frame: &Frame, near: &Mat3) -> Option<Mat3> {
+        if !self.has_features {
+            return None;
+        }
+        let corners = if self.lost == 0 {
+            self.features.set_region(&self.aligner.corners(near)).ok()?;
+            self.features.update(frame).ok()?.corners
+        } else {
+            self.features.detect(frame).ok()?.corners
+        };
+        self.aligner.pose_at(&corners)
+    }
+
+    /// The best pose in a frame, and that of flow where it may be believed.
+    fn locate(&mut self, frame: &Frame) -> (Option<Candidate>, Option<Mat3>) {
+        let enough = self.params.best_enough * self.median();
+        let judge = self.params.best_judge;
+        let hold = self.pose;
+        let ahead = self.motion * hold;
+        let moving = self.lost == 0
+            && self.aligner.assess(frame, &ahead, judge).total
+                > self.aligner.assess(frame, &hold, judge).total;
+        let first = if moving { ahead } else { hold };
+        let mut best = None;
+        let mut coast = None;
+        let good = |this: &Self, best: &Option<Candidate>, least: f64| {
+            best.as_ref()
+                .is_some_and(|b| this.found(&b.score) && b.score.total >= least)
+        };
+        self.attempt(frame, &first, &mut best);
+        if good(self, &best, enough) {
+            return (best, None);
+        }
+        if self.previous.is_some() {
+            if let Some((pose, sure)) = self.flow(frame, &first) {
+                coast = sure.then_some(pose);
+                self.attempt(frame, &pose, &mut best);
+            }
+            if good(self, &best, enough) {
+                return (best, None);
+            }
+        }
+        if let Some((pose, _)) = self.aligner.search(frame, &first, self.params.best_reach) {
+            self.attempt(frame, &pose, &mut best);
+        }
+        if good(self, &best, DOUBT * enough) {
+            return (best, coast);
+        }
+        if let Some(pose) = self.key_points(frame, &first) {
+            self.attempt(frame, &pose, &mut best);
+        }
+        if good(self, &best, DOUBT * enough) {
+            return (best, coast);
+        }
+        let turned = TURNS
+            .iter()
+            .map(|t| (*t, 1.0))
+            .chain(ZOOMS.iter().map(|z| (0.0, *z)));
+        let mut widest: Option<(Mat3, f64)> = None;
+        for (turn, zoom) in turned {
+            let start = Self::turned(&first, turn, zoom);
+            let found = self.aligner.search(frame, &start, self.params.best_reach);
+            if let Some(f) = found
+                && widest.is_none_or(|w| f.1 > w.1)
+            {
+                widest = Some(f);
+            }
+        }
+        if let Some((pose, _)) = widest {
+            self.attempt(frame, &pose, &mut best);
+        }
+        (best, coast)
+    }
+
+    /// Moves to a pose; flow follows the blocks that agree there.
+    fn settle(&mut self, frame: &Frame, pose: Mat3) {
+        if let Some(back) = self.pose.try_inverse() {
+            let motion = pose * back;
+            self.motion = motion / motion[(2, 2)];
+        }
+        self.pose = pose;
+        let judge = self.params.best_judge;
+        self.aligner.assess(frame, &pose, judge);
+        self.nodes.clear();
+        let agreeing = self.aligner.agreeing(frame, &pose, judge);
+        self.nodes.extend(agreeing);
+    }
+}
+
+impl Tracker for Best {
+    fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        if !corners.is_finite() {
+            return Err(TrackError::NotFinite("corners"));
+        }
+        if !corners.is_convex() {
+            return Err(TrackError::BadRegion("corners are not a convex quadrilateral"));
+        }
+        if !self.aligner.learn(frame, corners, self.params.best_points) {
+            return Err(TrackError::Template("no texture"));
+        }
+        self.pose = self
+            .aligner
+            .pose_at(corners)
+            .ok_or(TrackError::BadRegion("corners are not a convex quadrilateral"))?;
+        self.features.reseed(self.seed);
+        self.estimator.reseed(self.seed ^ 1);
+        // Without key points all else works.
+        self.has_features = self.features.init(frame, corners).is_ok();
+        self.scores.clear();
+        self.lost = 0;
+        self.settle(frame, self.pose);
+        self.motion = Mat3::identity();
+        self.previous = Some(frame.clone());
+        Ok(())
+    }
+
+    fn update(&mut self, frame: &Frame) -> Result<Update, TrackError> {
+        if self.previous.is_none() {
+            return Err(TrackError::NotInitialised);
+        }
+        self.iterations = 0;
+        let (best, coast) = self.locate(frame);
+        let score = best.map_or(Score::default(), |b| b.score);
+        if let Some(b) = best.filter(|b| self.found(&b.score)) {
+            self.settle(frame, b.pose);
+            if self.lost > 0 {
+                self.motion = Mat3::identity();
+            }
+            self.lost = 0;
+            self.scores.push_back(score.total);
+            if self.scores.len() > MEMORY {
+                self.scores.pop_front();
+            }
+            self.previous = Some(frame.clone());
+        } else {
+            self.lost += 1;
+            match coast.filter(|_| self.lost <= self.params.best_coast) {
+                Some(pose) => {
+                    // The nodes stay those that agreed last.
+                    self.pose = pose;
+                    self.previous = Some(frame.clone());
+                }
+                None => self.lost = self.lost.max(self.params.best_coast),
+            }
+            self.motion = Mat3::identity();
+        }
+        Ok(Update {
+            corners: self.corners(),
+            stop: Stop::Done,
+            iterations: self.iterations,
+            similarity: score.total,
+        })
+    }
+
+    fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
+        if self.previous.is_none() {
+            return Err(TrackError::NotInitialised);
+        }
+        if !corners.is_finite() {
+            return Err(TrackError::NotFinite("corners"));
+        }
+        let pose = self.aligner.pose_at(corners);
+        self.pose = pose.ok_or(TrackError::BadRegion("corners are not a convex quadrilateral"))?;
+        self.motion = Mat3::identity();
+        Ok(())
+    }
+
+    fn corners(&self) -> Corners {
+        self.aligner.corners(&self.pose)
+    }
+
+    fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
+        Some(homography::apply(&self.pose, self.aligner.to_base(x)))
+    }
+
+    fn reseed(&mut self, seed: u64) {
+        self.seed = seed;
+    }
+
+    fn memory(&self) -> usize {
+        self.aligner.memory() + self.klt.memory() + self.features.memory()
+    }
+}

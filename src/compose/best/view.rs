@@ -1,0 +1,206 @@
+//! The template at one level of the image pyramid: points on the pixels of that level inside the object, in blocks.
+
+use crate::geom::{Corners, homography};
+use crate::image::{Frame, Image};
+use crate::kernels::{self, Border, Column, Covectors, Grid2, Jacobian};
+
+/// Parameters of the homography group about the identity: every entry of the matrix but the last.
+pub(super) const WARP: usize = 8;
+/// Columns of a view's Jacobian beyond those: image, template and ones.
+pub(super) const IMAGE: usize = WARP;
+pub(super) const TEMPLATE: usize = WARP + 1;
+pub(super) const ONES: usize = WARP + 2;
+/// Side of a block, points, and how many blocks there are along a side, at least and at most.
+const BLOCK: f64 = 8.0;
+const BLOCKS: (f64, f64) = (3.0, 8.0);
+/// Fewest points per block along a side, and in all.
+const LEAST: (f64, usize) = (4.0, 10);
+/// Fewest points of a view.
+const FEWEST: usize = 60;
+/// Standard deviation of intensity from which a block has texture.
+const TEXTURE: f64 = 1.2;
+
+/// Origin and unit of the base frame in the template's frame, px: its coordinates are about -1 to 1.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Base {
+    pub centre: [f64; 2],
+    pub unit: f64,
+}
+
+impl Base {
+    /// Centre and half the side of the square of the same area.
+    pub fn of(corners: &Corners) -> Self {
+        Base {
+            centre: corners.centroid(),
+            unit: corners.signed_area().abs().sqrt() / 2.0,
+        }
+    }
+
+    pub fn of_image(&self, x: [f64; 2]) -> [f64; 2] {
+        [
+            (x[0] - self.centre[0]) / self.unit,
+            (x[1] - self.centre[1]) / self.unit,
+        ]
+    }
+}
+
+/// A block of neighbouring points.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Block {
+    /// Its centre in the base frame.
+    pub centre: [f64; 2],
+    /// Number of points.
+    pub count: f64,
+    /// Mean of the template.
+    pub mean: f64,
+    /// Its standard deviation.
+    pub deviation: f64,
+    /// Whether there is anything to see.
+    pub textured: bool,
+}
+
+/// Template, points and Jacobian of one level.
+#[derive(Clone, Debug)]
+pub(super) struct View {
+    /// Level of the pyramid.
+    pub level: usize,
+    /// Points in the base frame.
+    pub x: Vec<f32>,
+    pub y: Vec<f32>,
+    /// Where each block ends.
+    pub ends: Vec<usize>,
+    pub blocks: Vec<Block>,
+    /// Steepest-descent images of the template.
+    pub own: Jacobian,
+    /// The same averaged with those of an image, the image, the template, and ones.
+    pub work: Jacobian,
+}
+
+/// The image at a level as the sampling kernels take it.
+pub(super) fn plane(image: &Image) -> Grid2<'_> {
+    Grid2::new(image.plane(0), image.width(), image.height(), image.stride())
+}
+
+/// The eight entries of the matrix of the homography group.
+pub(super) fn columns() -> [Column; WARP] {
+    std::array::from_fn(|k| Column::new(std::array::from_fn(|e| if e == k { 1.0 } else { 0.0 })))
+}
+
+impl View {
+    /// The object at `corners` of `frame` at a level, with at most about `most` points; `None` when that is too small.
+    pub fn new(frame: &Frame, corners: &Corners, base: &Base, level: usize, most: usize) -> Option<Self> {
+        if level >= frame.levels() {
+            return None;
+        }
+        let unit = f64::from(1u32 << level);
+        let image = frame.level(level, 1).gray();
+        let quad = Corners(corners.0.map(|c| c.map(|v| v / unit)));
+        let square = homography::from_corners(&quad, &Corners::rect(0.0, 0.0, 1.0, 1.0))?;
+        let side = |a: usize, b: usize| (quad.0[a][0] - quad.0[b][0]).hypot(quad.0[a][1] - quad.0[b][1]);
+        let sides = [(side(0, 1) + side(2, 3)) / 2.0, (side(1, 2) + side(3, 0)) / 2.0];
+        let mut stride = 1usize;
+        while sides[0] * sides[1] > (most * stride * stride) as f64 {
+            stride += 1;
+        }
+        let grid = sides.map(|s| {
+            let points = s / stride as f64;
+            (points / BLOCK)
+                .round()
+                .clamp(BLOCKS.0, BLOCKS.1)
+                .min((points / LEAST.0).floor())
+                .max(1.0)
+        });
+        // What is next to the object at the border is not part of it.
+        let inset = sides.map(|s| (1.0 / s).min(0.04));
+        let bounds = |c: usize, size: usize| {
+            let low = quad.0.iter().map(|p| p[c]).fold(f64::INFINITY, f64::min);
+            let high = quad.0.iter().map(|p| p[c]).fold(f64::NEG_INFINITY, f64::max);
+            let last = (size - 1) as f64;
+            (low.ceil().clamp(0.0, last) as usize)..=(high.floor().clamp(0.0, last) as usize)
+        };
+        let mut points = Vec::new();
+        for y in bounds(1, image.height()).step_by(stride) {
+            for x in bounds(0, image.width()).step_by(stride) {
+                let at = homography::apply(&square, [x as f64, y as f64]);
+                let within = |c: usize| at[c] >= inset[c] && at[c] <= 1.0 - inset[c];
+                if within(0) && within(1) {
+                    let cell = |c: usize| (at[c] * grid[c]) as usize;
+                    points.push((cell(1) * grid[0] as usize + cell(0), x, y));
+                }
+            }
+        }
+        points.sort_by_key(|p| p.0);
+        let (mut px, mut py, mut ends) = (Vec::new(), Vec::new(), Vec::new());
+        for block in points.chunk_by(|a, b| a.0 == b.0) {
+            if block.len() >= LEAST.1 {
+                px.extend(block.iter().map(|p| p.1 as f32));
+                py.extend(block.iter().map(|p| p.2 as f32));
+                ends.push(px.len());
+            }
+        }
+        let n = px.len();
+        if n < FEWEST {
+            return None;
+        }
+        let (mut value, mut gx, mut gy) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+        let grid = plane(image);
+        kernels::sample_gradient(grid, Border::Replicate, &px, &py, &mut value, &mut gx, &mut gy);
+        let to_base = |v: f32, c: usize| ((f64::from(v) * unit - base.centre[c]) / base.unit) as f32;
+        let x: Vec<f32> = px.iter().map(|&v| to_base(v, 0)).collect();
+        let y: Vec<f32> = py.iter().map(|&v| to_base(v, 1)).collect();
+        let covectors = Covectors {
+            gx: &gx,
+            gy: &gy,
+            px: &px,
+            py: &py,
+            centre: base.centre.map(|v| (v / unit) as f32),
+            scale: (base.unit / unit) as f32,
+            matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            denominator: None,
+        };
+        let mut own = Jacobian::new(n, WARP);
+        kernels::steepest(&x, &y, &covectors, &columns(), 0, &mut own);
+        let mut work = Jacobian::new(n, WARP + 3);
+        work.col_mut(TEMPLATE).copy_from_slice(&value);
+        work.col_mut(ONES).fill(1.0);
+        let mut first = 0;
+        let blocks = ends.iter().map(|&last| {
+            let range = first..last;
+            first = last;
+            let mean =
+                |v: &[f32]| v[range.clone()].iter().map(|v| f64::from(*v)).sum::<f64>() / range.len() as f64;
+            let square = value[range.clone()]
+                .iter()
+                .map(|v| (f64::from(*v) - mean(&value)).powi(2))
+                .sum::<f64>();
+            let deviation = (square / range.len() as f64).sqrt();
+            Block {
+                centre: [mean(&x), mean(&y)],
+                count: range.len() as f64,
+                mean: mean(&value),
+                deviation,
+                textured: deviation >= TEXTURE,
+            }
+        });
+        let blocks = blocks.collect();
+        Some(View {
+            level,
+            x,
+            y,
+            ends,
+            blocks,
+            own,
+            work,
+        })
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    /// Bytes kept between frames.
+    pub fn memory(&self) -> usize {
+        self.own.memory() + self.work.memory() + 8 * self.len() + 64 * self.blocks.len()
+    }
+}
