@@ -308,7 +308,7 @@ impl ShortEntry {
 macro_rules! patches {
     ($estimator:literal) => {
         concat!(
-            "grid(pyramid(fclk/{am}/translation{res=25x25}; scale_res=0); ssm={ssm}, patch_size=40, estimator=",
+            "grid(pyramid(fclk/{am}/translation{res=25x25}); ssm={ssm}, patch_size=40, estimator=",
             $estimator,
             ")"
         )

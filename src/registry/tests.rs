@@ -128,7 +128,7 @@ fn composites_nest_and_are_canonical() {
     let r = Registry::builtin();
     for (text, id) in [
         (
-            "CASC( fclk/ncc/2 , pyramid(iclk/ssd+gb/affine{max_iters=9}; levels=4, scale_res=1) ; feedback=0)",
+            "CASC( fclk/ncc/2 , pyramid(iclk/ssd+gb/affine{max_iters=9}; levels=4, scale_res=0) ; feedback=0)",
             "cascade(fclk/ncc/translation, pyramid(iclk/ssd+gb/affine{max_iters=9}; levels=4); feedback=0)",
         ),
         (
