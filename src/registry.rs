@@ -423,30 +423,25 @@ impl Registry {
     pub fn build(&self, spec: &TrackerSpec) -> Result<Box<dyn Tracker>, SpecError> {
         let triple = self.triple(spec)?;
         let am = (triple.am.build)(&Triple::own(&(triple.am.params)(), &spec.params))?;
-        if let Some(why) = (triple.sm.refuses)(&am.capabilities()) {
-            let reason = format!("{} {why}; {} needs them", triple.am.name, triple.sm.name);
-            return Err(SpecError::Refused {
+        let refused = |what: String, others: &dyn Fn(&SmEntry) -> bool| {
+            let others = self.sms.iter().filter(|e| e.listed() && others(e));
+            let others: Vec<&str> = others.map(|e| e.name).collect();
+            Err(SpecError::Refused {
                 id: spec.to_string(),
-                reason,
-            });
+                reason: format!("{what}; try {}", others.join(", ")),
+            })
+        };
+        let sm = triple.sm.name;
+        let able = am.capabilities();
+        if let Some(why) = (triple.sm.refuses)(&able) {
+            let what = format!("{} {why}; {sm} needs them", triple.am.name);
+            return refused(what, &|e| (e.refuses)(&able).is_none());
         }
         let ssm = (triple.ssm.build)(&Triple::own(&(triple.ssm.params)(), &spec.params))?;
-        let capabilities = ssm.capabilities();
-        if let Some(why) = (triple.sm.refuses_ssm)(&capabilities) {
-            let others = self
-                .sms
-                .iter()
-                .filter(|e| (e.refuses_ssm)(&capabilities).is_none());
-            let others: Vec<&str> = others.map(|e| e.name).collect();
-            return Err(SpecError::Refused {
-                id: spec.to_string(),
-                reason: format!(
-                    "{} {why}; {} needs that; try {}",
-                    triple.ssm.name,
-                    triple.sm.name,
-                    others.join(", ")
-                ),
-            });
+        let able = ssm.capabilities();
+        if let Some(why) = (triple.sm.refuses_ssm)(&able) {
+            let what = format!("{} {why}; {sm} needs that", triple.ssm.name);
+            return refused(what, &|e| (e.refuses_ssm)(&able).is_none());
         }
         // Each parameter is one the method has; what is left is a value that does not suit these models.
         (triple.sm.build)(&Triple::own(&(triple.sm.params)(), &spec.params), am, ssm).map_err(|e| {
@@ -636,12 +631,16 @@ mod tests {
         let refused = |text: &str| r.build(&r.parse(text).unwrap()).err().map(|e| e.to_string());
         assert_eq!(
             refused("esm/ssd/spline").unwrap(),
-            "esm/ssd/spline: spline does not compose; esm needs that; try falk, ialk"
+            "esm/ssd/spline: spline does not compose; esm needs that; try falk, ialk, aesm, nn, pf"
         );
         assert!(
             refused("iclk/ncc/tps")
                 .unwrap()
                 .contains("has no inverses; iclk needs that")
+        );
+        assert_eq!(
+            refused("esm/sad/affine").unwrap(),
+            "esm/sad/affine: sad has no derivatives; esm needs them; try nn, pf"
         );
         assert!(refused("falk/ssd/spline").is_none() && refused("esm/ssd/asrt").is_none());
         // In a product they are listed, not an error.
