@@ -318,6 +318,14 @@ fn every_sixth_frame() {
     compare("mtf_gap.csv", 6, &selection("gradient", FINISHED, "homography"));
 }
 
+#[test]
+fn searches_that_sample() {
+    for (file, gap) in [("mtf_real.csv", 1), ("mtf_gap.csv", 3), ("mtf_gap.csv", 6)] {
+        compare(file, gap, &selection("nn", "ssd", "homography"));
+    }
+    compare("mtf_real.csv", 1, &selection("pf", "ncc", "homography"));
+}
+
 /// The original loses nearly everything with IALK; here it tracks wherever ICLK does.
 #[test]
 fn inverse_additive_tracks_what_inverse_compositional_does() {

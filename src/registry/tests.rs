@@ -62,6 +62,10 @@ fn warps_without_an_algebra_are_refused_where_it_is_needed() {
         refused("esm/ssd/spline").unwrap(),
         "esm/ssd/spline: spline does not compose; esm needs that; try falk, ialk, aesm, nn, pf"
     );
+    assert_eq!(
+        refused("esm/sad/affine").unwrap(),
+        "esm/sad/affine: sad has no derivatives; esm needs them; try nn, pf"
+    );
     assert!(
         refused("iclk/ncc/tps")
             .unwrap()

@@ -2,7 +2,7 @@
 //!
 //! `linear` compares with all, each comparison ending early. `kd` finds candidates in a k-d tree (Bentley 1975) over the
 //! sixteen principal axes of the samples and ranks them by their full distance. `gnn` walks a graph whose nodes are linked to
-//! their nearest samples (Hajebi et al. 2011), from the last answer downhill; `fgnn` is the same over a graph that is made
+//! their nearest samples (Hajebi et al. 2011), downhill from the best of some samples; `fgnn` is the same over a graph that is made
 //! from distances along the principal axes.
 
 use crate::am::AppearanceModel;
@@ -14,7 +14,7 @@ use std::num::NonZero;
 param_enum! {
     /// How the nearest samples are found.
     pub enum IndexKind {
-        /// `kd` for Euclidean features, else `linear`.
+        /// `kd` for Euclidean features, `linear` for sums of absolute differences, else `fgnn`.
         Auto = "auto",
         /// Comparison with all.
         Linear = "linear",
@@ -32,6 +32,9 @@ const AXES: usize = 16;
 /// Samples that determine them, and rounds of subspace iteration.
 const AXIS_SAMPLES: usize = 512;
 const ROUNDS: usize = 3;
+
+/// Samples from which a walk may start.
+const PROBES: usize = 64;
 
 /// Features, one after the other.
 #[derive(Default)]
@@ -237,9 +240,13 @@ impl Graph {
             }
             out.found.first().map_or(0, |f| f.1)
         };
-        // The identity is as good a start as the last answer.
-        visit(0, &mut self.seen);
+        // Start at the best of the last answer, the identity and others from all over: walks that begin among the many
+        // samples near the identity may not find out.
+        let n = self.seen.len();
         let mut at = visit(self.last, &mut self.seen);
+        for i in (0..n).step_by(n.div_ceil(PROBES)) {
+            at = visit(i, &mut self.seen);
+        }
         for _ in 0..self.max_steps {
             let mut best = at;
             for &j in &self.links[at * self.degree..(at + 1) * self.degree] {

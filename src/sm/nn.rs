@@ -46,7 +46,7 @@ crate::params! {
         /// kd: samples whose full distance is compared.
         candidates: usize = 64, in 1..=1_000_000;
         /// gnn, fgnn: links of each sample.
-        degree: usize = 250, in 1..=100_000;
+        degree: usize = 100, in 1..=100_000;
         /// gnn, fgnn: most steps of a walk.
         max_steps: usize = 10, in 1..=100_000;
         /// Neighbours combined by local reconstruction; 1: the nearest alone.
@@ -265,7 +265,8 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Nn<A, S> {
         let p = &self.params;
         let kind = match (p.index, am.capabilities().metric) {
             (IndexKind::Auto, Metric::SquaredL2) => IndexKind::Kd,
-            (IndexKind::Auto, _) => IndexKind::Linear,
+            (IndexKind::Auto, Metric::L1) => IndexKind::Linear,
+            (IndexKind::Auto, Metric::Other) => IndexKind::Fgnn,
             (kind, _) => kind,
         };
         let settings = IndexSettings {
