@@ -135,10 +135,14 @@ impl Registry {
         let light = (ilm.build)(&own(&(ilm.params)(), &spec.params))?;
         let capabilities = model.capabilities();
         if let Some(why) = (sm.refuses)(&sm_params, &capabilities) {
-            // Other methods as they come, without this one's parameters.
-            let others = self.names_of(|e| (e.refuses)(&[], &capabilities).is_none());
+            let able = |e: &SmEntry| (e.refuses)(&[], &capabilities).is_none();
+            // Where the method is able as it comes, one of its parameters is at fault, not the method.
+            let instead = match able(sm) {
+                true => String::new(),
+                false => format!("; try {}", self.names_of(able)),
+            };
             let (am, sm) = (am.name, sm.name);
-            return Err(refused(format!("{am} {why}; {sm} needs them; try {others}")));
+            return Err(refused(format!("{am} {why}; {sm} needs them{instead}")));
         }
         if let (Some(_), Some(why)) = (&light, self.refuses_ilm(sm, &*model, ilm)) {
             return Err(refused(why.replace("{am}", am.name)));
