@@ -326,6 +326,12 @@ fn searches_that_sample() {
     compare("mtf_real.csv", 1, &selection("pf", "ncc", "homography"));
 }
 
+#[test]
+fn composites_at_every_tenth_frame() {
+    compare_pooled("mtf_gap.csv", 10, &selection("rklt,gres,nnes", "ncc", "homography"));
+    compare_pooled("mtf_gap.csv", 10, &selection("lms", "ssd", "homography"));
+}
+
 /// The original loses nearly everything with IALK; here it tracks wherever ICLK does.
 #[test]
 fn inverse_additive_tracks_what_inverse_compositional_does() {

@@ -227,6 +227,25 @@ fn every_composite_follows_a_plane() {
 }
 
 #[test]
+fn pyramids_that_widen_take_small_patches_far() {
+    let scene = Scene::new(true);
+    let (start, moved) = (pose(0.0, 1.0, [200.0, 160.0]), pose(0.0, 1.0, [228.0, 178.0]));
+    let frames = [scene.plain(&start), scene.plain(&moved)];
+    let registry = Registry::builtin();
+    let error = |widen: bool| {
+        let text = format!(
+            "grid(pyramid(iclk/ncc/translation{{res=15x15}}; levels=4, widen={widen}); size=7x7, patch_size=21)"
+        );
+        let mut tracker = registry.build(&registry.parse(&text).unwrap()).unwrap();
+        tracker.init(&frames[0], &corners(&start)).unwrap();
+        let update = tracker.update(&frames[1]);
+        update.map_or(f64::INFINITY, |u| distance(&u.corners, &corners(&moved)))
+    };
+    assert!(error(true) < 0.3, "{}", error(true));
+    assert!(error(false) > 5.0, "{}", error(false));
+}
+
+#[test]
 fn points_under_an_occluder_are_rejected() {
     let scene = Scene::new(true);
     let (start, moved) = (pose(0.0, 1.0, [220.0, 170.0]), pose(0.0, 1.0, [223.0, 172.0]));

@@ -3,7 +3,8 @@
 use super::line::Lines;
 use super::nodes::{NodeParams, Nodes};
 use crate::estimate::EstimatorParams;
-use crate::geom::Corners;
+use crate::flow::Texture;
+use crate::geom::{Corners, homography};
 use crate::image::Frame;
 use crate::params::{Resolution, param_enum};
 use crate::ssm::StateSpaceModel;
@@ -34,8 +35,18 @@ crate::params! {
         grid_reset: GridReset = GridReset::Reinit;
         /// Tracking back begins with a new template from the present frame.
         grid_fb_reinit: bool = true;
+        /// Passes over each frame. In all but the first, patches begin where the fit before puts them, their regions warped
+        /// like it. Not for grid_reset=never, whose patches go their own ways.
+        grid_passes: usize = 2, in 1..=10;
+        /// Patches of less texture are left out: smaller eigenvalue of the mean of ∇I ∇Iᵀ, (intensity/px)²; 0: none is.
+        grid_min_eigen: f64 = 0.1, in 0.0..=1e6;
     }
 }
+
+/// Patches are left out as long as there are this many times as many as determine the warp.
+const MIN_SHARE: usize = 3;
+/// Texture is judged in windows no wider than this, px.
+const MAX_WINDOW: usize = 101;
 
 /// Tracks patches around the nodes of a grid over the object, each by a tracker of its own, and fits the warp `S` to
 /// their centres, outliers apart. Its similarity is the fraction of the nodes that agree with the fit.
@@ -49,6 +60,11 @@ pub struct Grid<S> {
     found: Vec<Option<[f64; 2]>>,
     /// Members that the next frame starts from their node, whatever the way of reset.
     lost: Vec<bool>,
+    texture: Texture,
+    /// Patches left out.
+    flat: Vec<bool>,
+    /// Regions of the patches in the last frame.
+    starts: Vec<Corners>,
     misses: Vec<f64>,
     /// Holds rows and columns straight.
     lines: Option<Lines>,
@@ -75,6 +91,7 @@ impl<S: StateSpaceModel> Grid<S> {
         member: impl Fn() -> Result<Box<dyn Tracker>, E>,
     ) -> Result<Self, E> {
         let members = (0..nodes.size.len()).map(|_| member());
+        let window = (params.patch_size as usize).clamp(3, MAX_WINDOW);
         Ok(Grid {
             params,
             members: members.collect::<Result<_, E>>()?,
@@ -83,6 +100,9 @@ impl<S: StateSpaceModel> Grid<S> {
             previous: None,
             found: Vec::new(),
             lost: Vec::new(),
+            texture: Texture::new(window),
+            flat: Vec::new(),
+            starts: Vec::new(),
             misses: Vec::new(),
             lines,
         })
@@ -126,9 +146,62 @@ impl<S: StateSpaceModel> Grid<S> {
         Corners(signs.map(|[u, v]| [0, 1].map(|c| now[i][c] + u * across[c] + v * down[c])))
     }
 
+    /// Fits the warp to the patches as found, held to straight lines where that is asked for.
+    fn fit(&mut self, frame: &Frame) -> Result<(), TrackError> {
+        self.lost.clear();
+        self.lost.extend(self.found.iter().map(Option::is_none));
+        if let Some(lines) = &mut self.lines {
+            lines.straighten(self.nodes.now(), &mut self.found, &mut self.lost);
+        }
+        self.nodes.fit(&self.found, frame)
+    }
+
+    /// Tracks the patches again, from where the fit has put them, and fits again; keeps the first fit when fewer patches
+    /// agree with the second. `before`: corners in the last frame.
+    fn refine(&mut self, frame: &Frame, before: &Corners) -> Result<(), TrackError> {
+        let agreement = self.nodes.agreement();
+        let Some(motion) = homography::from_corners(before, &self.corners()) else {
+            return Ok(());
+        };
+        for i in (0..self.members.len()).filter(|&i| !self.flat[i]) {
+            let region = match self.params.grid_reset {
+                GridReset::Fixed => self.patch(i, true),
+                GridReset::Move => self.patch(i, false),
+                GridReset::Never | GridReset::Reinit => homography::apply_corners(&motion, &self.starts[i]),
+            };
+            let member = &mut self.members[i];
+            let again = member.set_region(&region).and_then(|()| member.update(frame));
+            self.found[i] = again.ok().map(|u| u.corners.centroid());
+        }
+        self.nodes.save();
+        let fitted = self.fit(frame);
+        if fitted.is_err() || self.nodes.agreement() < agreement {
+            self.nodes.restore()?;
+        }
+        Ok(())
+    }
+
+    /// Sees which patches have too little texture; none when hardly any has enough.
+    fn judge(&mut self, frame: &Frame) {
+        self.flat.clear();
+        for &x in self.nodes.now() {
+            let least = self.params.grid_min_eigen;
+            let flat = least > 0.0 && self.texture.min_eigen(frame.gray(), x) < least;
+            self.flat.push(flat);
+        }
+        let left = self.flat.iter().filter(|flat| !**flat).count();
+        if left < MIN_SHARE * self.nodes.ssm.capabilities().min_points {
+            self.flat.fill(false);
+        }
+    }
+
     /// Makes the members ready for the next frame.
     fn reset(&mut self, frame: &Frame) {
-        for i in 0..self.members.len() {
+        // Where templates are new, so is the texture.
+        if self.params.grid_reset == GridReset::Reinit {
+            self.judge(frame);
+        }
+        for i in (0..self.members.len()).filter(|&i| !self.flat[i]) {
             // A member that cannot start here is not found in the next frame; others stand in for it.
             let _ = match self.params.grid_reset {
                 GridReset::Never if !self.lost[i] => Ok(()),
@@ -179,6 +252,7 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
         if started < self.nodes.ssm.capabilities().min_points {
             return Err(TrackError::Template("too few patches can be tracked"));
         }
+        self.judge(frame);
         self.previous = Some(frame.clone());
         Ok(())
     }
@@ -190,12 +264,12 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
             .ok_or(TrackError::NotInitialised)?;
         self.found.clear();
         let mut iterations = 0;
-        for member in &mut self.members {
-            let update = member.update(frame);
+        for (member, flat) in self.members.iter_mut().zip(&self.flat) {
+            let update = (!flat).then(|| member.update(frame)).and_then(Result::ok);
             iterations = update
                 .as_ref()
                 .map_or(iterations, |u| iterations.max(u.iterations));
-            self.found.push(update.ok().map(|u| u.corners.centroid()));
+            self.found.push(update.map(|u| u.corners.centroid()));
         }
         if self.nodes.params.grid_fb > 0.0 {
             self.misses.clear();
@@ -209,12 +283,19 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
             }
             self.nodes.check_back(&self.misses, &mut self.found);
         }
-        self.lost.clear();
-        self.lost.extend(self.found.iter().map(Option::is_none));
-        if let Some(lines) = &mut self.lines {
-            lines.straighten(self.nodes.now(), &mut self.found, &mut self.lost);
+        let before = self.corners();
+        let mut starts = std::mem::take(&mut self.starts);
+        starts.clear();
+        starts.extend((0..self.members.len()).map(|i| self.patch(i, false)));
+        self.starts = starts;
+        let mut fitted = self.fit(frame);
+        let passes = match self.params.grid_reset {
+            GridReset::Never => 1,
+            _ => self.params.grid_passes,
+        };
+        for _ in 1..passes {
+            fitted = fitted.and_then(|()| self.refine(frame, &before));
         }
-        let fitted = self.nodes.fit(&self.found, frame);
         self.reset(frame);
         fitted?;
         Ok(Update {

@@ -304,13 +304,16 @@ impl ShortEntry {
     }
 }
 
-/// Patches of the named appearance model around the nodes of a grid, over two levels of the pyramid.
+/// Patches of the named appearance model around the nodes of a grid, from frame to frame over a pyramid, and then those of
+/// the first frame, which take the drift away.
 macro_rules! patches {
     ($estimator:literal) => {
         concat!(
-            "grid(pyramid(fclk/{am}/translation{res=25x25}); ssm={ssm}, patch_size=40, estimator=",
+            "rklt(grid(pyramid(iclk/{am}/translation{res=15x15}; levels=5, widen=true); ssm={ssm}, patch_size=21, estimator=",
             $estimator,
-            ")"
+            "), grid(fclk/{am}/translation{res=20x20}; ssm={ssm}, grid_reset=fixed, estimator=",
+            $estimator,
+            "))"
         )
     };
 }

@@ -1,8 +1,8 @@
 //! Pyramid: the same tracker on every level of the image pyramid, coarse to fine. Level `k` is the frame halved `k` times,
-//! `x_k = x/2^k` exactly.
+//! `x_k = x/2^k` exactly. Regions may widen by the same factor, as the windows of pyramidal flow do (Bouguet 2000).
 
 use super::Member;
-use crate::geom::Corners;
+use crate::geom::{Corners, homography};
 use crate::image::Frame;
 use crate::params::{ParamValue, Resolution};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
@@ -14,6 +14,9 @@ crate::params! {
         levels: usize = 3, in 1..=8;
         /// Coarser levels sample fewer points: half as many per side from level to level, no fewer than 8. Faster, and coarser.
         scale_res: bool = false;
+        /// Level `k` sees a region `2^k` times as wide about the same centre: as many pixels on every level. For small
+        /// patches of a larger object.
+        widen: bool = false;
     }
 }
 
@@ -26,6 +29,9 @@ pub struct Pyramid {
     levels: Vec<Box<dyn Tracker>>,
     /// Of these, the ones in use: all that the object is large enough for.
     used: usize,
+    widen: bool,
+    /// Region at the start, px.
+    base: Corners,
 }
 
 fn scaled(corners: &Corners, factor: f64) -> Corners {
@@ -39,8 +45,51 @@ fn shrink(level: usize) -> f64 {
 
 impl Pyramid {
     /// From its trackers, level 0 (the full frame) first; at least one.
-    pub fn new(levels: Vec<Box<dyn Tracker>>) -> Self {
-        Pyramid { levels, used: 0 }
+    pub fn new(levels: Vec<Box<dyn Tracker>>, widen: bool) -> Self {
+        Pyramid {
+            levels,
+            used: 0,
+            widen,
+            base: Corners::default(),
+        }
+    }
+
+    /// The region at the start that level `k` sees, px of the frame.
+    fn seen(&self, k: usize) -> Corners {
+        let centre = self.base.centroid();
+        let factor = if self.widen { 1.0 / shrink(k) } else { 1.0 };
+        Corners(
+            self.base
+                .0
+                .map(|x| [0, 1].map(|c| centre[c] + factor * (x[c] - centre[c]))),
+        )
+    }
+
+    /// What level `k` sees when the region is at `corners`, px of the level.
+    fn down(&self, corners: &Corners, k: usize) -> Option<Corners> {
+        if !self.widen || k == 0 {
+            return Some(scaled(corners, shrink(k)));
+        }
+        let motion = homography::from_corners(&self.base, corners)?;
+        let seen = homography::apply_corners(&motion, &self.seen(k));
+        Some(scaled(&seen, shrink(k)))
+    }
+
+    /// Where the region is when level `k` sees `corners`, px of the level.
+    fn up(&self, corners: &Corners, k: usize) -> Option<Corners> {
+        let seen = scaled(corners, 1.0 / shrink(k));
+        if !self.widen || k == 0 {
+            return Some(seen);
+        }
+        let motion = homography::from_corners(&self.seen(k), &seen)?;
+        Some(homography::apply_corners(&motion, &self.base))
+    }
+
+    /// Moves level `k` to where the region is. A level that cannot go there searches from where it was.
+    fn move_level(&mut self, k: usize, corners: &Corners) -> Result<(), TrackError> {
+        let seen = self.down(corners, k);
+        let seen = seen.ok_or(TrackError::BadRegion("corners are not a convex quadrilateral"))?;
+        self.levels[k].set_region(&seen)
     }
 
     fn level<'f>(&self, frame: &'f Frame, k: usize) -> &'f Frame {
@@ -55,11 +104,14 @@ impl Tracker for Pyramid {
             ((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])).sqrt()
         });
         let shortest = side.fold(f64::INFINITY, f64::min);
-        let fits = |k: &usize| k < &frame.levels() && shortest * shrink(*k) >= MIN_SIDE;
+        let widen = self.widen;
+        let fits = |k: &usize| k < &frame.levels() && (widen || shortest * shrink(*k) >= MIN_SIDE);
         self.used = 0;
+        self.base = *corners;
         for k in 0..(0..self.levels.len()).take_while(fits).count().max(1) {
             let level = frame.level(k, self.levels[k].channels());
-            let started = self.levels[k].init(level, &scaled(corners, shrink(k)));
+            let seen = scaled(&self.seen(k), shrink(k));
+            let started = self.levels[k].init(level, &seen);
             match started {
                 Ok(()) => self.used = k + 1,
                 // What is too small to see on a coarse level is tracked on the finer ones.
@@ -80,21 +132,21 @@ impl Tracker for Pyramid {
         for k in (0..self.used).rev() {
             let level = self.level(frame, k);
             if let Some(coarse) = &answer {
-                // A level that cannot go there searches from where it was.
-                let _ = self.levels[k].set_region(&scaled(&coarse.corners, shrink(k)));
+                let _ = self.move_level(k, &coarse.corners);
             }
             match self.levels[k].update(level) {
                 Ok(update) => {
                     iterations += update.iterations;
-                    let corners = scaled(&update.corners, 1.0 / shrink(k));
-                    answer = Some(Update { corners, ..update });
+                    if let Some(corners) = self.up(&update.corners, k) {
+                        answer = Some(Update { corners, ..update });
+                    }
                 }
                 Err(e) => error = e,
             }
         }
         let update = answer.ok_or(error)?;
         let top = self.used - 1;
-        let _ = self.levels[top].set_region(&scaled(&update.corners, shrink(top)));
+        let _ = self.move_level(top, &update.corners);
         Ok(Update {
             stop: Stop::Done,
             iterations,
@@ -103,7 +155,7 @@ impl Tracker for Pyramid {
     }
 
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
-        (0..self.used).try_for_each(|k| self.levels[k].set_region(&scaled(corners, shrink(k))))
+        (0..self.used).try_for_each(|k| self.move_level(k, corners))
     }
 
     fn corners(&self) -> Corners {
@@ -148,7 +200,6 @@ pub(super) fn build(params: &PyramidParams, member: &Member) -> Result<Pyramid, 
         }
         None => (member.make)(&[]),
     };
-    Ok(Pyramid::new(
-        (0..params.levels).map(level).collect::<Result<_, _>>()?,
-    ))
+    let levels = (0..params.levels).map(level).collect::<Result<_, _>>()?;
+    Ok(Pyramid::new(levels, params.widen))
 }

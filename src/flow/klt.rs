@@ -186,8 +186,7 @@ impl Klt {
             Some(map) => kernels::flow_window_warped(grid(first), map, &mut self.window),
             None => kernels::flow_window(window_at(first, x), &mut self.window),
         };
-        let (mean, half) = ((xx + yy) / 2.0, (xx - yy) / 2.0);
-        let min_eigen = (mean - (half * half + xy * xy).sqrt()) / area;
+        let min_eigen = smaller_eigenvalue([xx, xy, yy]) / area;
         let mut found = Tracked {
             at,
             status: PointStatus::Flat,
@@ -271,6 +270,35 @@ impl Klt {
     pub fn memory(&self) -> usize {
         let side = self.window.side();
         16 * side * (side + 8) + 64 * self.back.capacity()
+    }
+}
+
+/// Smaller eigenvalue of the symmetric matrix of `xx`, `xy`, `yy`.
+fn smaller_eigenvalue([xx, xy, yy]: [f64; 3]) -> f64 {
+    let (mean, half) = ((xx + yy) / 2.0, (xx - yy) / 2.0);
+    mean - (half * half + xy * xy).sqrt()
+}
+
+/// How much texture windows hold.
+#[derive(Clone, Debug)]
+pub struct Texture {
+    window: FlowWindow,
+}
+
+impl Texture {
+    /// Of windows `side` px wide; made odd.
+    pub fn new(side: usize) -> Self {
+        Texture {
+            window: FlowWindow::new(side | 1),
+        }
+    }
+
+    /// Smaller eigenvalue of the structure matrix (mean of ∇I ∇Iᵀ) of the window around `x` (px), (intensity/px)².
+    pub fn min_eigen(&mut self, image: &Image, x: [f64; 2]) -> f64 {
+        let side = self.window.side();
+        let radius = (side / 2) as f64;
+        let matrix = kernels::flow_window(place(image, x[0] - radius, x[1] - radius), &mut self.window);
+        smaller_eigenvalue(matrix) / (side * side) as f64
     }
 }
 
@@ -466,5 +494,22 @@ mod tests {
             });
             println!("100 points, levels 0..={klt_levels}: {:?}", times.skip(1).min());
         }
+    }
+
+    #[test]
+    fn texture_is_the_smaller_eigenvalue_of_the_mean_structure() {
+        let product = Image::from_fn(40, 40, |x, y| (x * y) as f32 / 8.0);
+        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+        for y in 13..=19 {
+            for x in 17..=23 {
+                let (gx, gy) = (f64::from(y) / 8.0, f64::from(x) / 8.0);
+                (xx, xy, yy) = (xx + gx * gx / 49.0, xy + gx * gy / 49.0, yy + gy * gy / 49.0);
+            }
+        }
+        let smaller = nalgebra::Matrix2::new(xx, xy, xy, yy).symmetric_eigenvalues().min();
+        let found = Texture::new(7).min_eigen(&product, [20.0, 16.0]);
+        assert!((found - smaller).abs() < 1e-4, "{found} {smaller}");
+        let ramp = Image::from_fn(40, 40, |x, _| x as f32);
+        assert!(Texture::new(7).min_eigen(&ramp, [20.0, 16.0]).abs() < 1e-6);
     }
 }

@@ -4,4 +4,4 @@
 
 mod klt;
 
-pub use klt::{Klt, KltParams, PointStatus, Tracked};
+pub use klt::{Klt, KltParams, PointStatus, Texture, Tracked};
