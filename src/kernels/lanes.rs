@@ -305,6 +305,14 @@ mod x86 {
         unsafe { _mm_castpd_ps(_mm_loadh_pd(_mm_castps_pd(lo), p.cast())) }
     }
 
+    /// Mask of the first `n <= 8` lanes.
+    #[inline(always)]
+    unsafe fn first(n: usize) -> __m256i {
+        const ONES: [i32; 2 * WIDTH] = [-1, -1, -1, -1, -1, -1, -1, -1, 0, 0, 0, 0, 0, 0, 0, 0];
+        assert!(n <= WIDTH);
+        unsafe { _mm256_loadu_si256(ONES.as_ptr().add(WIDTH - n).cast()) }
+    }
+
     impl Lanes for Avx2 {
         #[inline(always)]
         fn splat(v: f32) -> Self {
@@ -419,6 +427,15 @@ mod x86 {
                     Avx2(_mm256_permute2f128_ps::<0x31>(low3, high3)),
                 ]
             }
+        }
+        // Masked, because a call of `memcpy` in a loop, even one that is never reached, spills every register.
+        #[inline(always)]
+        fn load_partial(s: &[f32]) -> Self {
+            Avx2(unsafe { _mm256_maskload_ps(s.as_ptr(), first(s.len())) })
+        }
+        #[inline(always)]
+        fn store_partial(self, s: &mut [f32]) {
+            unsafe { _mm256_maskstore_ps(s.as_mut_ptr(), first(s.len()), self.0) }
         }
         #[inline(always)]
         fn load_twice(s: &[f32]) -> Self {
