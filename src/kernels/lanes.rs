@@ -483,13 +483,9 @@ mod x86 {
                     _mm256_mullo_epi32(_mm256_cvttps_epi32(y.0), stride_v),
                     _mm256_cvttps_epi32(x.0),
                 );
-                let mut index = [0i32; WIDTH];
+                let mut index = [0u32; WIDTH];
                 _mm256_storeu_si256(index.as_mut_ptr().cast(), at);
-                debug_assert!(
-                    index
-                        .iter()
-                        .all(|&i| i >= 0 && i as usize + stride + 1 < plane.len())
-                );
+                debug_assert!(index.iter().all(|&i| (i as usize + stride + 1) < plane.len()));
                 let row = |base: *const f32| {
                     let pair = |i: usize, k: usize| {
                         let lo = _mm_castpd_ps(_mm_load_sd(base.add(index[i] as usize).cast()));

@@ -129,7 +129,12 @@ const BLOCK: usize = 256;
 
 #[inline(always)]
 fn normal_lanes<V: Lanes>(j: &Jacobian, rhs: &[&[f32]], h: &mut SymMatrix, out: &mut [f64]) {
-    system::<V, false>(j, 0..j.rows, &[], rhs, h, out);
+    // As many right-hand sides as the last tile has room for.
+    let room = (j.cols.next_multiple_of(TILE) - j.cols).min(rhs.len());
+    system::<V, false>(j, 0..j.rows, &[], &rhs[..room], h, out);
+    for (rhs, out) in rhs.iter().zip(out.chunks_exact_mut(j.cols)).skip(room) {
+        project_lanes::<V>(j, rhs, out);
+    }
 }
 
 #[inline(always)]
@@ -139,7 +144,10 @@ fn block_lanes<V: Lanes>(j: &Jacobian, first: usize, last: usize, h: &mut SymMat
 
 #[inline(always)]
 fn weighted_lanes<V: Lanes>(j: &Jacobian, w: &[f32], rhs: &[&[f32]], h: &mut SymMatrix, out: &mut [f64]) {
-    system::<V, true>(j, 0..j.rows, &w[..j.rows], rhs, h, out);
+    system::<V, true>(j, 0..j.rows, &w[..j.rows], &[], h, &mut []);
+    for (rhs, out) in rhs.iter().zip(out.chunks_exact_mut(j.cols)) {
+        project_lanes::<V>(j, rhs, out);
+    }
 }
 
 #[inline(always)]
@@ -173,15 +181,12 @@ fn system<V: Lanes, const WEIGHTED: bool>(
             let block = start..(start + BLOCK).min(rows.end);
             for (&(a, b), acc) in batch.iter().zip(acc.iter_mut()) {
                 let left = columns(j, rhs, TILE * a, &block);
-                if a == b && !WEIGHTED {
-                    *acc = diagonal_tile::<V>(left, *acc);
+                let w = if WEIGHTED { &w[block.clone()] } else { w };
+                *acc = if a == b {
+                    diagonal_tile::<V, WEIGHTED>(left, w, *acc)
                 } else {
-                    let right = columns(j, rhs, TILE * b, &block);
-                    // Only parameters are weighted; a tile may hold both kinds of columns.
-                    let weighted = [0, 1, 2].map(|k| TILE * b + k < s);
-                    let w = if WEIGHTED { &w[block.clone()] } else { w };
-                    *acc = tile::<V, WEIGHTED>(left, right, w, weighted, *acc);
-                }
+                    tile::<V, WEIGHTED>(left, columns(j, rhs, TILE * b, &block), w, *acc)
+                };
             }
             start = block.end;
         }
@@ -221,7 +226,6 @@ fn tile<V: Lanes, const WEIGHTED: bool>(
     [a0, a1, a2]: [&[f32]; TILE],
     [b0, b1, b2]: [&[f32]; TILE],
     w: &[f32],
-    weighted: [bool; TILE],
     mut acc: [[V; TILE]; TILE],
 ) -> [[V; TILE]; TILE] {
     let n = a0.len();
@@ -233,10 +237,8 @@ fn tile<V: Lanes, const WEIGHTED: bool>(
         let mut b = [V::load_at(b0, i), V::load_at(b1, i), V::load_at(b2, i)];
         if WEIGHTED {
             let w = V::load_at(w, i);
-            for q in 0..TILE {
-                if weighted[q] {
-                    b[q] = b[q].mul(w);
-                }
+            for b in &mut b {
+                *b = b.mul(w);
             }
         }
         for p in 0..TILE {
@@ -251,15 +253,27 @@ fn tile<V: Lanes, const WEIGHTED: bool>(
 
 /// The upper triangle of a tile of columns with themselves.
 #[inline(always)]
-fn diagonal_tile<V: Lanes>([a0, a1, a2]: [&[f32]; TILE], mut acc: [[V; TILE]; TILE]) -> [[V; TILE]; TILE] {
+fn diagonal_tile<V: Lanes, const WEIGHTED: bool>(
+    [a0, a1, a2]: [&[f32]; TILE],
+    w: &[f32],
+    mut acc: [[V; TILE]; TILE],
+) -> [[V; TILE]; TILE] {
     let n = a0.len();
     let (a1, a2) = (&a1[..n], &a2[..n]);
+    let w = if WEIGHTED { &w[..n] } else { w };
     let mut i = 0;
     while i < n {
         let a = [V::load_at(a0, i), V::load_at(a1, i), V::load_at(a2, i)];
+        let mut b = a;
+        if WEIGHTED {
+            let w = V::load_at(w, i);
+            for b in &mut b {
+                *b = b.mul(w);
+            }
+        }
         for p in 0..TILE {
             for q in p..TILE {
-                acc[p][q] = a[p].mul_add(a[q], acc[p][q]);
+                acc[p][q] = a[p].mul_add(b[q], acc[p][q]);
             }
         }
         i += WIDTH;
