@@ -216,7 +216,7 @@ impl Klt {
                 (xx * by - xy * bx) / determinant,
             ];
             let undone = [last[0] + step[0], last[1] + step[1]];
-            let share = if last != [0.0; 2] && undone[0].hypot(undone[1]) < OSCILLATION {
+            let share = if last != [0.0; 2] && squared(undone) < OSCILLATION * OSCILLATION {
                 0.5
             } else {
                 1.0
@@ -225,7 +225,7 @@ impl Klt {
             if !inside(second, found.at, slack) {
                 return found;
             }
-            if share < 1.0 || step[0] * step[0] + step[1] * step[1] < epsilon * epsilon {
+            if share < 1.0 || squared(step) < epsilon * epsilon {
                 break;
             }
             last = step;
@@ -272,6 +272,10 @@ impl Klt {
         let side = self.window.side();
         16 * side * (side + 8) + 64 * self.back.capacity()
     }
+}
+
+fn squared([x, y]: [f64; 2]) -> f64 {
+    x * x + y * y
 }
 
 /// Whether a point is in the image, or outside by no more than `slack` px.

@@ -63,6 +63,21 @@ impl<'a> Place<'a> {
         ]
     }
 
+    /// Pixels `row` rows below the upper left one, from its column on, coordinates clamped to the image.
+    fn clamped_row(&self, row: usize, out: &mut [f32]) {
+        let y = (i64::from(self.top) + row as i64).clamp(0, self.height as i64 - 1) as usize;
+        let pixels = &self.data[y * self.stride..][..self.width];
+        let left = i64::from(self.left);
+        let before = (-left).clamp(0, out.len() as i64) as usize;
+        let first = left.clamp(0, self.width as i64) as usize;
+        let count = (self.width - first).min(out.len() - before);
+        let (head, rest) = out.split_at_mut(before);
+        let (middle, tail) = rest.split_at_mut(count);
+        head.fill(pixels[0]);
+        middle.copy_from_slice(&pixels[first..first + count]);
+        tail.fill(pixels[self.width - 1]);
+    }
+
     /// Bilinear value of one sample, coordinates clamped to the image.
     #[inline(always)]
     fn clamped(&self, col: usize, row: usize) -> f32 {
@@ -83,6 +98,11 @@ pub fn padded(cols: usize) -> usize {
     cols.next_multiple_of(WIDTH)
 }
 
+/// Largest side of a window.
+pub const MAX_SIDE: usize = 111;
+/// Pixels under a row of the largest window, one sample beyond it on both sides.
+const LINE: usize = 128;
+
 /// A window of the first image, its gradient and the gradient's products: `padded(side)` columns, `side` rows. Beyond
 /// `side` columns and outside the image the gradient is zero.
 #[derive(Clone, Debug, Default)]
@@ -99,8 +119,9 @@ pub struct FlowWindow {
 }
 
 impl FlowWindow {
-    /// For windows of `side x side` samples.
+    /// For windows of `side x side` samples, `side <= MAX_SIDE`.
     pub fn new(side: usize) -> Self {
+        assert!(side <= MAX_SIDE, "window too large");
         let n = padded(side) * side;
         FlowWindow {
             side,
@@ -130,6 +151,10 @@ dispatch! {
     /// Sums of `|a - b|`, `a`, `b`, `a²`, `a b`, `b²` over the samples inside the image, `a` the window's values and `b` those
     /// at another place, both less the window's middle value.
     fn flow_moments(place: Place<'_>, window: &FlowWindow) -> [f64; 6] = moments_lanes;
+    #[cold]
+    fn mismatch_at_border(place: Place<'_>, window: &FlowWindow) -> [f64; 2] = mismatch_border_lanes;
+    #[cold]
+    fn moments_at_border(place: Place<'_>, window: &FlowWindow, middle: f32) -> [f64; 6] = moments_border_lanes;
 }
 
 /// How alike two windows are.
@@ -205,10 +230,18 @@ fn window_lanes<V: Lanes>(place: Place<'_>, window: &mut FlowWindow) -> [f64; 3]
             }
         }
     } else {
+        let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
+        let mut lines = [[0.0; LINE]; 2];
+        let [mut upper, mut lower] = lines.each_mut().map(|l| &mut l[..across + 1]);
+        around.clamped_row(0, upper);
         for (row, out) in wide.chunks_exact_mut(across).enumerate() {
-            for (col, v) in out[..side + 2].iter_mut().enumerate() {
-                *v = around.clamped(col, row);
+            around.clamped_row(row + 1, lower);
+            let mut i = 0;
+            while i < side + 2 {
+                bilinear(upper, lower, i, dx, dy).store(&mut out[i..i + WIDTH]);
+                i += WIDTH;
             }
+            std::mem::swap(&mut upper, &mut lower);
         }
     }
     gradient_pass::<V>(window, place.valid(side, side))
@@ -265,16 +298,10 @@ fn gradient_pass<V: Lanes>(
     for row in 0..side {
         let line = |k: usize| &wide[(row + k) * across..(row + k + 1) * across];
         let (above, here, below) = (line(0), line(1), line(2));
-        let inside = if valid_rows.contains(&row) { 1.0 } else { 0.0 };
+        let inside = V::splat(if valid_rows.contains(&row) { 1.0 } else { 0.0 });
         let mut i = 0;
         while i < cols {
-            let mut mask = [0.0; WIDTH];
-            for (k, m) in mask.iter_mut().enumerate() {
-                if valid_cols.contains(&(i + k)) {
-                    *m = inside;
-                }
-            }
-            let mask = V::from_array(mask);
+            let mask = column_mask::<V>(&valid_cols, i).mul(inside);
             // One place to the left, here, and one to the right.
             let (a0, a1, a2) = three::<V>(&above[i..]);
             let (b0, b1, b2) = three::<V>(&here[i..]);
@@ -343,53 +370,99 @@ fn moments_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow) -> [f64; 6] {
         let values = &window.values[row * cols..(row + 1) * cols];
         let mut i = 0;
         while i < cols {
-            let mut mask = [0.0; WIDTH];
-            mask[..(side - i).min(WIDTH)].fill(1.0);
-            let mask = V::from_array(mask);
-            let a = V::load(&values[i..i + WIDTH]).sub(shift).mul(mask);
-            let b = bilinear(upper, lower, i, dx, dy).sub(shift).mul(mask);
-            sums[0] = sums[0].add(a.sub(b).abs());
-            sums[1] = sums[1].add(a);
-            sums[2] = sums[2].add(b);
-            sums[3] = a.mul_add(a, sums[3]);
-            sums[4] = a.mul_add(b, sums[4]);
-            sums[5] = b.mul_add(b, sums[5]);
+            let mask = column_mask::<V>(&(0..side), i);
+            let b = bilinear(upper, lower, i, dx, dy);
+            add_moments(&mut sums, V::load(&values[i..i + WIDTH]), b, shift, mask);
             i += WIDTH;
         }
     }
-    let [d, a, b, aa, ab, bb] = sums;
+    total_moments(sums)
+}
+
+/// 1 in those of the columns from `i` on that are in the range, else 0.
+#[inline(always)]
+fn column_mask<V: Lanes>(valid: &std::ops::Range<usize>, i: usize) -> V {
+    let ramp = V::from_array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+    let column = ramp.add(V::splat(i as f32));
+    let (low, high) = (V::splat(valid.start as f32 - 0.5), V::splat(valid.end as f32));
+    low.less(column).mul(column.less(high))
+}
+
+#[inline(always)]
+fn mismatch_border_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow) -> [f64; 2] {
+    let (side, cols) = (window.side, padded(window.side));
+    let [valid_cols, valid_rows] = place.valid(side, side);
+    let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
+    let (mut bx, mut by) = (V::splat(0.0), V::splat(0.0));
+    let mut lines = [[0.0; LINE]; 2];
+    let [mut upper, mut lower] = lines.each_mut().map(|l| &mut l[..cols + 1]);
+    place.clamped_row(valid_rows.start, upper);
+    for row in valid_rows {
+        place.clamped_row(row + 1, lower);
+        let line = row * cols..(row + 1) * cols;
+        let (t, gx, gy) = (
+            &window.values[line.clone()],
+            &window.gx[line.clone()],
+            &window.gy[line],
+        );
+        let mut i = 0;
+        while i < cols {
+            let d = V::load(&t[i..i + WIDTH]).sub(bilinear(upper, lower, i, dx, dy));
+            let d = d.mul(column_mask::<V>(&valid_cols, i));
+            bx = d.mul_add(V::load(&gx[i..i + WIDTH]), bx);
+            by = d.mul_add(V::load(&gy[i..i + WIDTH]), by);
+            i += WIDTH;
+        }
+        std::mem::swap(&mut upper, &mut lower);
+    }
+    [bx.sum(), by.sum()]
+}
+
+#[inline(always)]
+fn moments_border_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow, middle: f32) -> [f64; 6] {
+    let (side, cols) = (window.side, padded(window.side));
+    let [valid_cols, valid_rows] = place.valid(side, side);
+    let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
+    let mut sums = [V::splat(0.0); 6];
+    let mut lines = [[0.0; LINE]; 2];
+    let [mut upper, mut lower] = lines.each_mut().map(|l| &mut l[..cols + 1]);
+    place.clamped_row(valid_rows.start, upper);
+    for row in valid_rows {
+        place.clamped_row(row + 1, lower);
+        let values = &window.values[row * cols..(row + 1) * cols];
+        let mut i = 0;
+        while i < cols {
+            let mask = column_mask::<V>(&valid_cols, i);
+            let b = bilinear(upper, lower, i, dx, dy);
+            add_moments(
+                &mut sums,
+                V::load(&values[i..i + WIDTH]),
+                b,
+                V::splat(middle),
+                mask,
+            );
+            i += WIDTH;
+        }
+        std::mem::swap(&mut upper, &mut lower);
+    }
+    total_moments(sums)
+}
+
+/// Adds `|a - b|`, `a`, `b`, `a²`, `a b`, `b²`, both less `shift`, where the mask is 1.
+#[inline(always)]
+fn add_moments<V: Lanes>(sums: &mut [V; 6], a: V, b: V, shift: V, mask: V) {
+    let (a, b) = (a.sub(shift).mul(mask), b.sub(shift).mul(mask));
+    sums[0] = sums[0].add(a.sub(b).abs());
+    sums[1] = sums[1].add(a);
+    sums[2] = sums[2].add(b);
+    sums[3] = a.mul_add(a, sums[3]);
+    sums[4] = a.mul_add(b, sums[4]);
+    sums[5] = b.mul_add(b, sums[5]);
+}
+
+#[inline(always)]
+fn total_moments<V: Lanes>([d, a, b, aa, ab, bb]: [V; 6]) -> [f64; 6] {
     [d.sum(), a.sum(), b.sum(), aa.sum(), ab.sum(), bb.sum()]
-}
-
-fn moments_at_border(place: Place<'_>, window: &FlowWindow, middle: f32) -> [f64; 6] {
-    let stride = padded(window.side);
-    let [cols, rows] = place.valid(window.side, window.side);
-    let mut sums = [0.0; 6];
-    for row in rows {
-        for col in cols.clone() {
-            let a = f64::from(window.values[row * stride + col] - middle);
-            let b = f64::from(place.clamped(col, row) - middle);
-            for (sum, v) in sums.iter_mut().zip([(a - b).abs(), a, b, a * a, a * b, b * b]) {
-                *sum += v;
-            }
-        }
-    }
-    sums
-}
-
-fn mismatch_at_border(place: Place<'_>, window: &FlowWindow) -> [f64; 2] {
-    let (side, stride) = (window.side, padded(window.side));
-    let [cols, rows] = place.valid(side, side);
-    let mut b = [0.0; 2];
-    for row in rows {
-        for col in cols.clone() {
-            let i = row * stride + col;
-            let d = f64::from(window.values[i] - place.clamped(col, row));
-            b[0] += d * f64::from(window.gx[i]);
-            b[1] += d * f64::from(window.gy[i]);
-        }
-    }
-    b
 }
 
 #[cfg(test)]

@@ -50,4 +50,4 @@ pub use tone::{
     Window, blend_weights, line_shift, line_sums, linear_shift, shifted_residual, step_shift, tone_bins,
     tone_sums,
 };
-pub use warp::warp_projective;
+pub use warp::{regular_grid, warp_projective};
