@@ -50,6 +50,12 @@ impl<'a> Place<'a> {
         self.left >= 0 && self.top >= 0 && left + cols < self.width && top + rows < self.height
     }
 
+    /// Pixels of a window that is inside, from its upper left one on.
+    #[inline(always)]
+    fn pixels(&self) -> &'a [f32] {
+        &self.data[self.top as usize * self.stride + self.left as usize..]
+    }
+
     /// Columns and rows of a window whose samples lie in the image.
     pub fn valid(&self, cols: usize, rows: usize) -> [std::ops::Range<usize>; 2] {
         let range = |first: i32, fraction: f32, window: usize, size: usize| {
@@ -76,20 +82,6 @@ impl<'a> Place<'a> {
         head.fill(pixels[0]);
         middle.copy_from_slice(&pixels[first..first + count]);
         tail.fill(pixels[self.width - 1]);
-    }
-
-    /// Bilinear value of one sample, coordinates clamped to the image.
-    #[inline(always)]
-    fn clamped(&self, col: usize, row: usize) -> f32 {
-        let [dx, dy] = self.fraction;
-        let at = |x: i32, n: usize| x.clamp(0, n as i32 - 1) as usize;
-        let (x, y) = (self.left + col as i32, self.top + row as i32);
-        let (x0, x1) = (at(x, self.width), at(x + 1, self.width));
-        let (y0, y1) = (at(y, self.height), at(y + 1, self.height));
-        let p = |x: usize, y: usize| self.data[y * self.stride + x];
-        let upper = dx.mul_add(p(x1, y0) - p(x0, y0), p(x0, y0));
-        let lower = dx.mul_add(p(x1, y1) - p(x0, y1), p(x0, y1));
-        dy.mul_add(lower - upper, upper)
     }
 }
 
@@ -183,6 +175,14 @@ pub fn flow_match(place: Place<'_>, window: &FlowWindow) -> FlowMatch {
     }
 }
 
+/// Pixels from the first on, interpolated with their right neighbours.
+#[inline(always)]
+fn across_pixels<V: Lanes>(pixels: &[f32], dx: V) -> V {
+    let pixels = &pixels[..WIDTH + 1];
+    let (a, b) = (V::load(&pixels[..WIDTH]), V::load(&pixels[1..]));
+    dx.mul_add(b.sub(a), a)
+}
+
 /// `[a b; c d]` interpolated at the fractions.
 #[inline(always)]
 fn bilinear<V: Lanes>(upper: &[f32], lower: &[f32], i: usize, dx: V, dy: V) -> V {
@@ -210,24 +210,19 @@ fn window_lanes<V: Lanes>(place: Place<'_>, window: &mut FlowWindow) -> [f64; 3]
         ..place
     };
     if around.inside(side + 2, side + 2) {
+        // Past the end of a row come other pixels of the plane, which are not used.
+        let pixels = around.pixels();
         let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
-        for (row, out) in wide.chunks_exact_mut(across).enumerate() {
-            let at = (around.top as usize + row) * place.stride + around.left as usize;
-            // Past the end of a row come other pixels of the plane, or nothing that is used.
-            let end = |from: usize| (from + across + 1).min(place.data.len());
-            let upper = &place.data[at..end(at)];
-            let lower = &place.data[at + place.stride..end(at + place.stride)];
-            let mut i = 0;
-            while i < side + 2 {
-                if i + WIDTH < upper.len().min(lower.len()) {
-                    bilinear(upper, lower, i, dx, dy).store(&mut out[i..i + WIDTH]);
-                } else {
-                    for (k, v) in out[i..i + WIDTH].iter_mut().enumerate() {
-                        *v = around.clamped(i + k, row);
-                    }
-                }
-                i += WIDTH;
+        let mut i = 0;
+        while i < side + 2 {
+            let mut upper = across_pixels(&pixels[i..], dx);
+            for row in 0..side + 2 {
+                let lower = across_pixels(&pixels[(row + 1) * place.stride + i..], dx);
+                let o = row * across + i;
+                dy.mul_add(lower.sub(upper), upper).store(&mut wide[o..o + WIDTH]);
+                upper = lower;
             }
+            i += WIDTH;
         }
     } else {
         let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
@@ -252,12 +247,19 @@ fn warped_window_lanes<V: Lanes>(image: Grid2<'_>, map: [f64; 6], window: &mut F
     let across = padded(window.side) + WIDTH;
     let used = padded(window.side + 2);
     let FlowWindow { wide, x, y, .. } = window;
+    let ramp = V::from_array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
     for (row, out) in wide.chunks_exact_mut(across).enumerate() {
         let down = row as f64 - 1.0;
-        for (col, (x, y)) in x.iter_mut().zip(y.iter_mut()).enumerate().take(used) {
-            let right = col as f64 - 1.0;
-            *x = (map[0] + map[1] * right + map[2] * down) as f32;
-            *y = (map[3] + map[4] * right + map[5] * down) as f32;
+        let mut i = 0;
+        while i < used {
+            let right = i as f64 - 1.0;
+            let start = |k: usize| map[k] + map[k + 1] * right + map[k + 2] * down;
+            let (left, top) = (V::splat(start(0) as f32), V::splat(start(3) as f32));
+            ramp.mul_add(V::splat(map[1] as f32), left)
+                .store(&mut x[i..i + WIDTH]);
+            ramp.mul_add(V::splat(map[4] as f32), top)
+                .store(&mut y[i..i + WIDTH]);
+            i += WIDTH;
         }
         sample_lanes::<V>(image, Border::Replicate, &x[..used], &y[..used], &mut out[..used]);
     }
@@ -267,13 +269,13 @@ fn warped_window_lanes<V: Lanes>(image: Grid2<'_>, map: [f64; 6], window: &mut F
 
 /// Eight elements from the first, the second and the third on.
 #[inline(always)]
-fn three<V: Lanes>(s: &[f32]) -> (V, V, V) {
+fn three<V: Lanes>(s: &[f32]) -> [V; 3] {
     let s = &s[..WIDTH + 2];
-    (
+    [
         V::load(&s[..WIDTH]),
         V::load(&s[1..1 + WIDTH]),
         V::load(&s[2..2 + WIDTH]),
-    )
+    ]
 }
 
 /// Values, Scharr gradient inside the given columns and rows, and its products, from the values one sample beyond.
@@ -295,31 +297,31 @@ fn gradient_pass<V: Lanes>(
     let (smooth, middle, half) = (V::splat(3.0 / 16.0), V::splat(10.0 / 16.0), V::splat(0.5));
     let zero = V::splat(0.0);
     let (mut xx, mut xy, mut yy) = (zero, zero, zero);
-    for row in 0..side {
-        let line = |k: usize| &wide[(row + k) * across..(row + k + 1) * across];
-        let (above, here, below) = (line(0), line(1), line(2));
-        let inside = V::splat(if valid_rows.contains(&row) { 1.0 } else { 0.0 });
-        let mut i = 0;
-        while i < cols {
-            let mask = column_mask::<V>(&valid_cols, i).mul(inside);
-            // One place to the left, here, and one to the right.
-            let (a0, a1, a2) = three::<V>(&above[i..]);
-            let (b0, b1, b2) = three::<V>(&here[i..]);
-            let (c0, c1, c2) = three::<V>(&below[i..]);
-            let left = a0.add(c0).mul_add(smooth, b0.mul(middle));
-            let right = a2.add(c2).mul_add(smooth, b2.mul(middle));
-            let x = right.sub(left).mul(half).mul(mask);
-            let y = c0.sub(a0).add(c2.sub(a2));
-            let y = y.mul_add(smooth, c1.sub(a1).mul(middle)).mul(half).mul(mask);
+    let mut i = 0;
+    while i < cols {
+        let mask = column_mask::<V>(&valid_cols, i);
+        // A row above, here, and a row below; in each one place to the left, here, and one to the right.
+        let mut a = three::<V>(&wide[i..]);
+        let mut b = three::<V>(&wide[across + i..]);
+        for row in 0..side {
+            let c = three::<V>(&wide[(row + 2) * across + i..]);
+            let inside = if valid_rows.contains(&row) { mask } else { zero };
+            let left = a[0].add(c[0]).mul_add(smooth, b[0].mul(middle));
+            let right = a[2].add(c[2]).mul_add(smooth, b[2].mul(middle));
+            let x = right.sub(left).mul(half).mul(inside);
+            let y = c[0].sub(a[0]).add(c[2].sub(a[2]));
+            let y = y.mul_add(smooth, c[1].sub(a[1]).mul(middle)).mul(half);
+            let y = y.mul(inside);
             let o = row * cols + i;
-            b1.store(&mut values[o..o + WIDTH]);
+            b[1].store(&mut values[o..o + WIDTH]);
             x.store(&mut gx[o..o + WIDTH]);
             y.store(&mut gy[o..o + WIDTH]);
             xx = x.mul_add(x, xx);
             xy = x.mul_add(y, xy);
             yy = y.mul_add(y, yy);
-            i += WIDTH;
+            (a, b) = (b, c);
         }
+        i += WIDTH;
     }
     [xx.sum(), xy.sum(), yy.sum()]
 }
@@ -332,23 +334,20 @@ fn mismatch_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow) -> [f64; 2] {
     }
     let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
     let (mut bx, mut by) = (V::splat(0.0), V::splat(0.0));
-    for row in 0..side {
-        let at = (place.top as usize + row) * place.stride + place.left as usize;
-        let upper = &place.data[at..at + cols + 1];
-        let lower = &place.data[at + place.stride..at + place.stride + cols + 1];
-        let line = row * cols..(row + 1) * cols;
-        let (t, gx, gy) = (
-            &window.values[line.clone()],
-            &window.gx[line.clone()],
-            &window.gy[line],
-        );
-        let mut i = 0;
-        while i < cols {
-            let d = V::load(&t[i..i + WIDTH]).sub(bilinear(upper, lower, i, dx, dy));
-            bx = d.mul_add(V::load(&gx[i..i + WIDTH]), bx);
-            by = d.mul_add(V::load(&gy[i..i + WIDTH]), by);
-            i += WIDTH;
+    let pixels = place.pixels();
+    let mut i = 0;
+    while i < cols {
+        let mut upper = across_pixels(&pixels[i..], dx);
+        for row in 0..side {
+            let lower = across_pixels(&pixels[(row + 1) * place.stride + i..], dx);
+            let at = row * cols + i..row * cols + i + WIDTH;
+            let there = dy.mul_add(lower.sub(upper), upper);
+            let d = V::load(&window.values[at.clone()]).sub(there);
+            bx = d.mul_add(V::load(&window.gx[at.clone()]), bx);
+            by = d.mul_add(V::load(&window.gy[at]), by);
+            upper = lower;
         }
+        i += WIDTH;
     }
     [bx.sum(), by.sum()]
 }
@@ -363,18 +362,19 @@ fn moments_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow) -> [f64; 6] {
     let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
     let shift = V::splat(middle);
     let mut sums = [V::splat(0.0); 6];
-    for row in 0..side {
-        let at = (place.top as usize + row) * place.stride + place.left as usize;
-        let upper = &place.data[at..at + cols + 1];
-        let lower = &place.data[at + place.stride..at + place.stride + cols + 1];
-        let values = &window.values[row * cols..(row + 1) * cols];
-        let mut i = 0;
-        while i < cols {
-            let mask = column_mask::<V>(&(0..side), i);
-            let b = bilinear(upper, lower, i, dx, dy);
-            add_moments(&mut sums, V::load(&values[i..i + WIDTH]), b, shift, mask);
-            i += WIDTH;
+    let pixels = place.pixels();
+    let mut i = 0;
+    while i < cols {
+        let mask = column_mask::<V>(&(0..side), i);
+        let mut upper = across_pixels(&pixels[i..], dx);
+        for row in 0..side {
+            let lower = across_pixels(&pixels[(row + 1) * place.stride + i..], dx);
+            let a = V::load(&window.values[row * cols + i..row * cols + i + WIDTH]);
+            let b = dy.mul_add(lower.sub(upper), upper);
+            add_moments(&mut sums, a, b, shift, mask);
+            upper = lower;
         }
+        i += WIDTH;
     }
     total_moments(sums)
 }
