@@ -178,6 +178,12 @@ impl Normal {
             hessian: SymMatrix::new(s),
         }
     }
+    /// Zero system of `s` parameters. Allocates only when it grows.
+    pub fn reset(&mut self, s: usize) {
+        self.gradient.clear();
+        self.gradient.resize(s, 0.0);
+        self.hessian.reset(s);
+    }
     /// Copies `other`, which has the same size.
     pub fn copy_from(&mut self, other: &Normal) {
         self.gradient.copy_from_slice(&other.gradient);

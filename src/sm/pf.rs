@@ -140,6 +140,7 @@ pub struct Pf<A, S> {
     scale: [f64; 2],
     /// Estimate, the one before it, the state of the last frame.
     estimate: Vec<f64>,
+    before: Vec<f64>,
     frame_start: Vec<f64>,
     motion: Vec<f64>,
 }
@@ -161,6 +162,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
             seed: 0,
             scale: [0.0, 1.0],
             estimate: Vec::new(),
+            before: Vec::new(),
             frame_start: Vec::new(),
             motion: Vec::new(),
         }
@@ -346,13 +348,13 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
             if !self.weigh() {
                 return Err(TrackError::NotFinite("similarity of all particles"));
             }
-            let from = self.estimate.clone();
+            self.before.copy_from_slice(&self.estimate);
             self.conclude()?;
             self.probe.check(image)?;
             if self.params.adapt_sets {
                 self.reward_sets();
             }
-            let settled = self.probe.ssm.motion_squared(&before, &from) < self.params.epsilon;
+            let settled = self.probe.ssm.motion_squared(&before, &self.before) < self.params.epsilon;
             let last = settled || pass + 1 == self.params.max_iters;
             if self.params.reset_to_mean {
                 if last && self.params.dynamics == Dynamics::Ar1 {
@@ -414,6 +416,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Pf<A, S> {
             sets: vec![0; n],
         };
         self.estimate = vec![0.0; s];
+        self.before = vec![0.0; s];
         self.frame_start = vec![0.0; s];
         self.motion = vec![0.0; s];
         self.rng = Pcg64::seed_from_u64(self.seed);
