@@ -71,6 +71,7 @@ use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::params::{Assignment, Built, ParamInfo, Params, Resolution};
 use crate::tracker::TrackError;
+use dyn_clone::DynClone;
 
 /// Every appearance model of the crate, in the order of the documentation.
 pub const AMS: &[AmEntry] = &[
@@ -195,7 +196,7 @@ impl Normal {
 ///
 /// Call order: [`set_template`](Self::set_template) once, then [`set_current`](Self::set_current) with each new patch;
 /// everything else refers to those two. No method but `set_template` allocates.
-pub trait AppearanceModel: Send {
+pub trait AppearanceModel: Send + DynClone {
     /// What the model can do.
     fn capabilities(&self) -> Capabilities;
 
@@ -305,7 +306,9 @@ pub trait AppearanceModel: Send {
     fn memory(&self) -> usize;
 }
 
-impl<T: AppearanceModel + ?Sized> AppearanceModel for Box<T> {
+dyn_clone::clone_trait_object!(AppearanceModel);
+
+impl AppearanceModel for Box<dyn AppearanceModel> {
     fn capabilities(&self) -> Capabilities {
         (**self).capabilities()
     }

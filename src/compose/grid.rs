@@ -8,6 +8,7 @@ use crate::image::Frame;
 use crate::params::{Resolution, param_enum};
 use crate::ssm::StateSpaceModel;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
+use rayon::prelude::*;
 
 param_enum! {
     /// What happens to the patches after each frame.
@@ -49,9 +50,12 @@ pub struct Grid<S> {
     found: Vec<Option<[f64; 2]>>,
     /// Members that the next frame starts from their node, whatever the way of reset.
     lost: Vec<bool>,
+    patches: Vec<Corners>,
+    updates: Vec<Option<Update>>,
     misses: Vec<f64>,
     /// Holds rows and columns straight.
     lines: Option<Lines>,
+    threads: usize,
 }
 
 impl<S: StateSpaceModel> Grid<S> {
@@ -83,8 +87,11 @@ impl<S: StateSpaceModel> Grid<S> {
             previous: None,
             found: Vec::new(),
             lost: Vec::new(),
+            patches: Vec::new(),
+            updates: Vec::new(),
             misses: Vec::new(),
             lines,
+            threads: 1,
         })
     }
 
@@ -128,24 +135,22 @@ impl<S: StateSpaceModel> Grid<S> {
 
     /// Makes the members ready for the next frame.
     fn reset(&mut self, frame: &Frame) {
-        for i in 0..self.members.len() {
+        let how = self.params.grid_reset;
+        let mut patches = std::mem::take(&mut self.patches);
+        patches.clear();
+        patches.extend((0..self.members.len()).map(|i| self.patch(i, how == GridReset::Fixed)));
+        let lost = &self.lost;
+        self.updates.resize(self.members.len(), None);
+        act(&mut self.members, &mut self.updates, self.threads, |i, member| {
             // A member that cannot start here is not found in the next frame; others stand in for it.
-            let _ = match self.params.grid_reset {
-                GridReset::Never if !self.lost[i] => Ok(()),
-                GridReset::Reinit => {
-                    let patch = self.patch(i, false);
-                    self.members[i].init(frame, &patch)
-                }
-                GridReset::Never | GridReset::Move => {
-                    let patch = self.patch(i, false);
-                    self.members[i].set_region(&patch)
-                }
-                GridReset::Fixed => {
-                    let patch = self.patch(i, true);
-                    self.members[i].set_region(&patch)
-                }
+            let _ = match how {
+                GridReset::Never if !lost[i] => Ok(()),
+                GridReset::Reinit => member.init(frame, &patches[i]),
+                GridReset::Never | GridReset::Move | GridReset::Fixed => member.set_region(&patches[i]),
             };
-        }
+            None
+        });
+        self.patches = patches;
     }
 
     /// Squared distance by which member `i` misses its origin on the way back; infinite when it does not arrive.
@@ -164,6 +169,28 @@ impl<S: StateSpaceModel> Grid<S> {
             let [x, y] = u.corners.centroid();
             (x - origin[0]).powi(2) + (y - origin[1]).powi(2)
         })
+    }
+}
+
+/// Fewest members that are worth another thread.
+const MIN_SHARE: usize = 8;
+
+/// Does something with every member, on several threads if there are more than one.
+fn act(
+    members: &mut [Box<dyn Tracker>],
+    updates: &mut [Option<Update>],
+    threads: usize,
+    act: impl Fn(usize, &mut Box<dyn Tracker>) -> Option<Update> + Sync,
+) {
+    if threads > 1 {
+        let count = updates.len();
+        let both = members.par_iter_mut().zip(updates).enumerate();
+        both.with_min_len(MIN_SHARE.max(count.div_ceil(threads)))
+            .for_each(|(i, (member, update))| *update = act(i, member));
+    } else {
+        for (i, (member, update)) in members.iter_mut().zip(updates).enumerate() {
+            *update = act(i, member);
+        }
     }
 }
 
@@ -190,12 +217,14 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
             .ok_or(TrackError::NotInitialised)?;
         self.found.clear();
         let mut iterations = 0;
-        for member in &mut self.members {
-            let update = member.update(frame);
-            iterations = update
-                .as_ref()
-                .map_or(iterations, |u| iterations.max(u.iterations));
-            self.found.push(update.ok().map(|u| u.corners.centroid()));
+        self.updates.clear();
+        self.updates.resize(self.members.len(), None);
+        act(&mut self.members, &mut self.updates, self.threads, |_, member| {
+            member.update(frame).ok()
+        });
+        for update in &self.updates {
+            iterations = update.map_or(iterations, |u| iterations.max(u.iterations));
+            self.found.push(update.map(|u| u.corners.centroid()));
         }
         if self.nodes.params.grid_fb > 0.0 {
             self.misses.clear();
@@ -249,6 +278,10 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
             // Multiples of an odd number are distinct.
             member.reseed(seed.wrapping_add(i.wrapping_mul(0x9e37_79b9_7f4a_7c15)));
         }
+    }
+
+    fn set_threads(&mut self, threads: usize) {
+        self.threads = threads;
     }
 
     fn channels(&self) -> usize {
