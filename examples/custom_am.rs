@@ -23,6 +23,7 @@ mtf_eval::params! {
 }
 
 /// SSD with a redescending loss.
+#[derive(Clone)]
 struct GemanMcClure {
     params: GemanMcClureParams,
     template: Vec<f32>,
@@ -151,6 +152,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         sequences: dataset::builtin()?.sequences,
         pre: parse_preprocessor("gaussian:5:3")?,
         seed: 0,
+        threads_per_tracker: 1,
         threads: 0,
         memory: 1 << 30,
         out,

@@ -100,6 +100,10 @@ pub trait Tracker: Send {
     /// Seed of all randomness; called before `init`. Trackers without randomness ignore it.
     fn reseed(&mut self, _seed: u64) {}
 
+    /// Threads of the current `rayon` pool that `update` may use at once; one unless told. Never changes a result. Trackers
+    /// with nothing to share out ignore it.
+    fn set_threads(&mut self, _threads: usize) {}
+
     /// Whether each `update` must be preceded by [`tell_truth`](Self::tell_truth): true of methods for analysis alone.
     fn needs_truth(&self) -> bool {
         false
@@ -137,6 +141,9 @@ impl<T: Tracker + ?Sized> Tracker for Box<T> {
     }
     fn reseed(&mut self, seed: u64) {
         (**self).reseed(seed)
+    }
+    fn set_threads(&mut self, threads: usize) {
+        (**self).set_threads(threads)
     }
     fn needs_truth(&self) -> bool {
         (**self).needs_truth()

@@ -328,7 +328,11 @@ fn searches_that_sample() {
 
 #[test]
 fn composites_at_every_tenth_frame() {
-    compare_pooled("mtf_gap.csv", 10, &selection("rklt,gres,nnes", "ncc", "homography"));
+    compare_pooled(
+        "mtf_gap.csv",
+        10,
+        &selection("rklt,gres,nnes", "ncc", "homography"),
+    );
     compare_pooled("mtf_gap.csv", 10, &selection("lms", "ssd", "homography"));
 }
 

@@ -24,7 +24,7 @@ const STEP: f32 = 1.0;
 
 /// Features of a patch: a number of maps of equal length, differentiable with respect to the patch's values, if only by
 /// differences (the defaults, which allocate).
-pub trait PatchFeatures: Send {
+pub trait PatchFeatures: Send + dyn_clone::DynClone {
     /// Prepares for patches of a shape. Fails when they are too small.
     fn prepare(&mut self, shape: PatchShape) -> Result<(), TrackError>;
     /// Number of maps.
@@ -73,6 +73,8 @@ pub trait PatchFeatures: Send {
     fn memory(&self) -> usize;
 }
 
+dyn_clone::clone_trait_object!(PatchFeatures);
+
 crate::params! {
     /// Parameters of [`Dfm`].
     pub struct DfmParams {
@@ -101,6 +103,7 @@ struct Maps {
 }
 
 /// SSD of feature maps.
+#[derive(Clone)]
 pub struct Dfm {
     params: DfmParams,
     features: Box<dyn PatchFeatures>,

@@ -42,7 +42,7 @@ pub struct DivergenceSettings {
 }
 
 /// What makes a divergence model.
-pub trait DivergenceKind: Default + Send + 'static {
+pub trait DivergenceKind: Clone + Default + Send + 'static {
     /// Its parameters.
     type Params: Params;
     /// Name.

@@ -55,7 +55,7 @@ pub struct InformationSettings {
 }
 
 /// What makes a measure of the joint histogram.
-pub trait Kind: Default + Send + 'static {
+pub trait Kind: Clone + Default + Send + 'static {
     /// Its parameters.
     type Params: Params;
     /// Name.

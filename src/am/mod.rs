@@ -71,6 +71,7 @@ use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::params::{Assignment, Built, ParamInfo, Params, Resolution};
 use crate::tracker::TrackError;
+use dyn_clone::DynClone;
 
 /// Every appearance model of the crate, in the order of the documentation.
 pub const AMS: &[AmEntry] = &[
@@ -178,6 +179,12 @@ impl Normal {
             hessian: SymMatrix::new(s),
         }
     }
+    /// Zero system of `s` parameters. Allocates only when it grows.
+    pub fn reset(&mut self, s: usize) {
+        self.gradient.clear();
+        self.gradient.resize(s, 0.0);
+        self.hessian.reset(s);
+    }
     /// Copies `other`, which has the same size.
     pub fn copy_from(&mut self, other: &Normal) {
         self.gradient.copy_from_slice(&other.gradient);
@@ -189,7 +196,7 @@ impl Normal {
 ///
 /// Call order: [`set_template`](Self::set_template) once, then [`set_current`](Self::set_current) with each new patch;
 /// everything else refers to those two. No method but `set_template` allocates.
-pub trait AppearanceModel: Send {
+pub trait AppearanceModel: Send + DynClone {
     /// What the model can do.
     fn capabilities(&self) -> Capabilities;
 
@@ -299,7 +306,9 @@ pub trait AppearanceModel: Send {
     fn memory(&self) -> usize;
 }
 
-impl<T: AppearanceModel + ?Sized> AppearanceModel for Box<T> {
+dyn_clone::clone_trait_object!(AppearanceModel);
+
+impl AppearanceModel for Box<dyn AppearanceModel> {
     fn capabilities(&self) -> Capabilities {
         (**self).capabilities()
     }

@@ -119,7 +119,7 @@ impl From<LscvParams> for Options {
 }
 
 /// A member of the family.
-pub trait Variant: Send + Sized + 'static {
+pub trait Variant: Clone + Send + Sized + 'static {
     /// Its parameters.
     type Params: Params + Into<Options>;
     /// Name.

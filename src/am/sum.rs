@@ -54,6 +54,7 @@ crate::params! {
     }
 }
 
+#[derive(Clone)]
 struct Part {
     am: Box<dyn AppearanceModel>,
     /// `ω`.
@@ -63,6 +64,7 @@ struct Part {
 }
 
 /// Weighted sum of two appearance models.
+#[derive(Clone)]
 pub struct Sum {
     parts: [Part; 2],
     scratch: Vec<f32>,

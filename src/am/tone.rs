@@ -42,6 +42,8 @@ pub(super) struct ToneMap {
     shape: PatchShape,
     /// Per channel when localised, else one for all channels.
     windows: Vec<Window>,
+    /// Weights of the windows at each point.
+    weights: Vec<f32>,
     /// Columns and points of the plane the windows lie in.
     stride: usize,
     plane: usize,
@@ -61,6 +63,7 @@ impl ToneMap {
                 channels: 1,
             },
             windows: Vec::new(),
+            weights: Vec::new(),
             stride: 0,
             plane: 0,
             bins: Vec::new(),
@@ -102,6 +105,7 @@ impl ToneMap {
                 }
             }
         }
+        self.weights = kernels::blend_weights(&self.windows, self.stride, self.plane / self.stride.max(1));
         let planes = shape.len() / self.plane.max(1);
         self.bins.clear();
         self.bins.resize(shape.len(), 0);
@@ -169,27 +173,29 @@ impl ToneMap {
             } else {
                 &mut slope[at.clone()]
             };
-            let (windows, stride) = (&self.windows, self.stride);
+            let weights = &self.weights;
             let n = maps * self.settings.bins;
             match self.settings.shape {
                 Shape::Line => {
                     let lines = &self.lines[plane * maps..(plane + 1) * maps];
-                    kernels::line_shift(a, self.pivot, lines, stride, windows, out, slope);
+                    kernels::line_shift(a, self.pivot, lines, weights, out, slope);
                 }
                 Shape::Linear => {
                     let tables = &self.tables[plane * n..(plane + 1) * n];
-                    kernels::linear_shift(a, per_level, tables, stride, windows, out, slope);
+                    kernels::linear_shift(a, per_level, tables, weights, out, slope);
                 }
                 Shape::Step => {
                     let tables = &self.tables[plane * n..(plane + 1) * n];
-                    kernels::step_shift(&self.bins[at], per_level, tables, stride, windows, out, slope);
+                    kernels::step_shift(&self.bins[at], per_level, tables, weights, out, slope);
                 }
             }
         }
     }
 
     pub fn memory(&self) -> usize {
-        self.bins.capacity() + 4 * self.tables.capacity() + 8 * self.lines.capacity()
+        self.bins.capacity()
+            + 4 * (self.tables.capacity() + self.weights.capacity())
+            + 8 * self.lines.capacity()
     }
 }
 

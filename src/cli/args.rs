@@ -219,6 +219,9 @@ pub struct ExecutionArgs {
     /// Worker threads (never changes a result) [default: all cores]
     #[arg(short = 'j', long, value_name = "N", value_parser = at_least_one)]
     pub threads: Option<usize>,
+    /// Threads that a single tracker may use: particle filters and grids share out their work (never changes a result)
+    #[arg(long, value_name = "N", default_value = "1", value_parser = at_least_one)]
+    pub threads_per_tracker: usize,
     /// Memory for trackers, such as 4G (never changes a result) [default: half of the machine's]
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub memory: Option<u64>,

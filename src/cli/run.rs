@@ -50,6 +50,9 @@ pub fn run(args: &RunArgs, progress: ProgressMode, console: &Console) -> Outcome
             report.failed.len() - FAILURES_SHOWN
         ));
     }
+    if let Some(profile) = &report.profile {
+        console.note(&profile.to_string());
+    }
     console.note(&format!("results in {}", report.path.display()));
     Ok(ExitCode::from(if report.failed.is_empty() {
         0
@@ -128,6 +131,7 @@ fn request(args: &RunArgs, command: &[String], console: &Console) -> Result<RunR
         force,
         seed,
         threads,
+        threads_per_tracker,
         memory,
         timeout,
         frame_logs,
@@ -150,6 +154,7 @@ fn request(args: &RunArgs, command: &[String], console: &Console) -> Result<RunR
         pre,
         seed,
         threads: threads.unwrap_or(0),
+        threads_per_tracker,
         memory: memory.unwrap_or_else(|| machine_memory() / 2),
         out: PathBuf::new(),
         force,

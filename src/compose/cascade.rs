@@ -127,6 +127,10 @@ impl Tracker for Cascade {
         super::reseed_members(&mut self.layers, seed);
     }
 
+    fn set_threads(&mut self, threads: usize) {
+        self.layers.iter_mut().for_each(|m| m.set_threads(threads));
+    }
+
     fn channels(&self) -> usize {
         super::channels(&self.layers)
     }

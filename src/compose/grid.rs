@@ -9,6 +9,7 @@ use crate::image::Frame;
 use crate::params::{Resolution, param_enum};
 use crate::ssm::StateSpaceModel;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
+use rayon::prelude::*;
 
 param_enum! {
     /// What happens to the patches after each frame.
@@ -44,7 +45,7 @@ crate::params! {
 }
 
 /// Patches are left out as long as there are this many times as many as determine the warp.
-const MIN_SHARE: usize = 3;
+const ENOUGH: usize = 3;
 /// Texture is judged in windows no wider than this, px.
 const MAX_WINDOW: usize = 101;
 
@@ -63,11 +64,15 @@ pub struct Grid<S> {
     texture: Texture,
     /// Patches left out.
     flat: Vec<bool>,
-    /// Regions of the patches in the last frame.
+    /// Where the patches begin in the next frame.
     starts: Vec<Corners>,
+    /// Where they begin in the present pass.
+    regions: Vec<Corners>,
+    updates: Vec<Option<Update>>,
     misses: Vec<f64>,
     /// Holds rows and columns straight.
     lines: Option<Lines>,
+    threads: usize,
 }
 
 impl<S: StateSpaceModel> Grid<S> {
@@ -90,7 +95,8 @@ impl<S: StateSpaceModel> Grid<S> {
         lines: Option<Lines>,
         member: impl Fn() -> Result<Box<dyn Tracker>, E>,
     ) -> Result<Self, E> {
-        let members = (0..nodes.size.len()).map(|_| member());
+        let count = nodes.size.len();
+        let members = (0..count).map(|_| member());
         let window = (params.patch_size as usize).clamp(3, MAX_WINDOW);
         Ok(Grid {
             params,
@@ -103,8 +109,11 @@ impl<S: StateSpaceModel> Grid<S> {
             texture: Texture::new(window),
             flat: Vec::new(),
             starts: Vec::new(),
+            regions: Vec::new(),
+            updates: vec![None; count],
             misses: Vec::new(),
             lines,
+            threads: 1,
         })
     }
 
@@ -146,6 +155,27 @@ impl<S: StateSpaceModel> Grid<S> {
         Corners(signs.map(|[u, v]| [0, 1].map(|c| now[i][c] + u * across[c] + v * down[c])))
     }
 
+    /// Tracks every patch that is not left out, `step` says how, and notes where they were found. Returns the most
+    /// iterations.
+    fn track(
+        &mut self,
+        step: impl Fn(usize, &[Corners], &mut Box<dyn Tracker>) -> Result<Update, TrackError> + Sync,
+    ) -> u32 {
+        let (flat, regions) = (&self.flat, &self.regions);
+        act(&mut self.members, &mut self.updates, self.threads, |i, member| {
+            (!flat[i]).then(|| step(i, regions, member)).and_then(Result::ok)
+        });
+        self.found.clear();
+        let found = self.updates.iter();
+        self.found.extend(found.map(|u| u.map(|u| u.corners.centroid())));
+        self.updates
+            .iter()
+            .flatten()
+            .map(|u| u.iterations)
+            .max()
+            .unwrap_or(0)
+    }
+
     /// Fits the warp to the patches as found, held to straight lines where that is asked for.
     fn fit(&mut self, frame: &Frame) -> Result<(), TrackError> {
         self.lost.clear();
@@ -163,16 +193,15 @@ impl<S: StateSpaceModel> Grid<S> {
         let Some(motion) = homography::from_corners(before, &self.corners()) else {
             return Ok(());
         };
-        for i in (0..self.members.len()).filter(|&i| !self.flat[i]) {
-            let region = match self.params.grid_reset {
-                GridReset::Fixed => self.patch(i, true),
-                GridReset::Move => self.patch(i, false),
-                GridReset::Never | GridReset::Reinit => homography::apply_corners(&motion, &self.starts[i]),
-            };
-            let member = &mut self.members[i];
-            let again = member.set_region(&region).and_then(|()| member.update(frame));
-            self.found[i] = again.ok().map(|u| u.corners.centroid());
-        }
+        let mut regions = std::mem::take(&mut self.regions);
+        regions.clear();
+        regions.extend((0..self.members.len()).map(|i| match self.params.grid_reset {
+            GridReset::Fixed => self.patch(i, true),
+            GridReset::Move => self.patch(i, false),
+            GridReset::Never | GridReset::Reinit => homography::apply_corners(&motion, &self.starts[i]),
+        }));
+        self.regions = regions;
+        self.track(|i, regions, member| member.set_region(&regions[i]).and_then(|()| member.update(frame)));
         self.nodes.save();
         let fitted = self.fit(frame);
         if fitted.is_err() || self.nodes.agreement() < agreement {
@@ -190,35 +219,33 @@ impl<S: StateSpaceModel> Grid<S> {
             self.flat.push(flat);
         }
         let left = self.flat.iter().filter(|flat| !**flat).count();
-        if left < MIN_SHARE * self.nodes.ssm.capabilities().min_points {
+        if left < ENOUGH * self.nodes.ssm.capabilities().min_points {
             self.flat.fill(false);
         }
     }
 
     /// Makes the members ready for the next frame.
     fn reset(&mut self, frame: &Frame) {
+        let how = self.params.grid_reset;
         // Where templates are new, so is the texture.
-        if self.params.grid_reset == GridReset::Reinit {
+        if how == GridReset::Reinit {
             self.judge(frame);
         }
-        for i in (0..self.members.len()).filter(|&i| !self.flat[i]) {
+        let mut starts = std::mem::take(&mut self.starts);
+        starts.clear();
+        starts.extend((0..self.members.len()).map(|i| self.patch(i, how == GridReset::Fixed)));
+        self.starts = starts;
+        let (lost, flat, starts) = (&self.lost, &self.flat, &self.starts);
+        act(&mut self.members, &mut self.updates, self.threads, |i, member| {
             // A member that cannot start here is not found in the next frame; others stand in for it.
-            let _ = match self.params.grid_reset {
-                GridReset::Never if !self.lost[i] => Ok(()),
-                GridReset::Reinit => {
-                    let patch = self.patch(i, false);
-                    self.members[i].init(frame, &patch)
-                }
-                GridReset::Never | GridReset::Move => {
-                    let patch = self.patch(i, false);
-                    self.members[i].set_region(&patch)
-                }
-                GridReset::Fixed => {
-                    let patch = self.patch(i, true);
-                    self.members[i].set_region(&patch)
-                }
+            let _ = match how {
+                GridReset::Never if !lost[i] => Ok(()),
+                _ if flat[i] => Ok(()),
+                GridReset::Reinit => member.init(frame, &starts[i]),
+                GridReset::Never | GridReset::Move | GridReset::Fixed => member.set_region(&starts[i]),
             };
-        }
+            None
+        });
     }
 
     /// Squared distance by which member `i` misses its origin on the way back; infinite when it does not arrive.
@@ -240,14 +267,38 @@ impl<S: StateSpaceModel> Grid<S> {
     }
 }
 
+/// Fewest members that are worth another thread.
+const MIN_SHARE: usize = 8;
+
+/// Does something with every member, on several threads if there are more than one.
+fn act(
+    members: &mut [Box<dyn Tracker>],
+    updates: &mut [Option<Update>],
+    threads: usize,
+    act: impl Fn(usize, &mut Box<dyn Tracker>) -> Option<Update> + Sync,
+) {
+    if threads > 1 {
+        let count = updates.len();
+        let both = members.par_iter_mut().zip(updates).enumerate();
+        both.with_min_len(MIN_SHARE.max(count.div_ceil(threads)))
+            .for_each(|(i, (member, update))| *update = act(i, member));
+    } else {
+        for (i, (member, update)) in members.iter_mut().zip(updates).enumerate() {
+            *update = act(i, member);
+        }
+    }
+}
+
 impl<S: StateSpaceModel> Tracker for Grid<S> {
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         self.nodes.init(corners)?;
         self.previous = None;
         let mut started = 0;
+        self.starts.clear();
         for i in 0..self.members.len() {
             let patch = self.patch(i, false);
             started += usize::from(self.members[i].init(frame, &patch).is_ok());
+            self.starts.push(patch);
         }
         if started < self.nodes.ssm.capabilities().min_points {
             return Err(TrackError::Template("too few patches can be tracked"));
@@ -262,15 +313,7 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
             .previous
             .replace(frame.clone())
             .ok_or(TrackError::NotInitialised)?;
-        self.found.clear();
-        let mut iterations = 0;
-        for (member, flat) in self.members.iter_mut().zip(&self.flat) {
-            let update = (!flat).then(|| member.update(frame)).and_then(Result::ok);
-            iterations = update
-                .as_ref()
-                .map_or(iterations, |u| iterations.max(u.iterations));
-            self.found.push(update.map(|u| u.corners.centroid()));
-        }
+        let iterations = self.track(|_, _, member| member.update(frame));
         if self.nodes.params.grid_fb > 0.0 {
             self.misses.clear();
             for i in 0..self.members.len() {
@@ -284,10 +327,6 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
             self.nodes.check_back(&self.misses, &mut self.found);
         }
         let before = self.corners();
-        let mut starts = std::mem::take(&mut self.starts);
-        starts.clear();
-        starts.extend((0..self.members.len()).map(|i| self.patch(i, false)));
-        self.starts = starts;
         let mut fitted = self.fit(frame);
         let passes = match self.params.grid_reset {
             GridReset::Never => 1,
@@ -330,6 +369,10 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
             // Multiples of an odd number are distinct.
             member.reseed(seed.wrapping_add(i.wrapping_mul(0x9e37_79b9_7f4a_7c15)));
         }
+    }
+
+    fn set_threads(&mut self, threads: usize) {
+        self.threads = threads;
     }
 
     fn channels(&self) -> usize {

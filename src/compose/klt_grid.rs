@@ -18,6 +18,7 @@ pub struct KltGrid<S> {
     klt: Klt,
     previous: Option<Frame>,
     tracked: Vec<Tracked>,
+    again: Vec<Tracked>,
     misses: Vec<f64>,
     found: Vec<Option<[f64; 2]>>,
     origins: Vec<[f64; 2]>,
@@ -31,6 +32,7 @@ impl<S: StateSpaceModel> KltGrid<S> {
             klt: Klt::new(klt),
             previous: None,
             tracked: Vec::new(),
+            again: Vec::new(),
             misses: Vec::new(),
             found: Vec::new(),
             origins: Vec::new(),
@@ -44,16 +46,20 @@ impl<S: StateSpaceModel> KltGrid<S> {
         let Some(motion) = homography::from_corners(before, &after) else {
             return Ok(());
         };
-        for (i, found) in self.found.iter_mut().enumerate() {
-            // Nodes that failed the way back are not asked again.
-            if found.is_none() && self.tracked[i].ok() {
-                continue;
+        let (now, origins, found, tracked) = (self.nodes.now(), &self.origins, &self.found, &self.tracked);
+        // Nodes that failed the way back are not asked again.
+        let failed = |i: usize| found[i].is_none() && tracked[i].ok();
+        self.klt.track_each(now.len(), &mut self.again, |klt, i| {
+            if failed(i) {
+                return tracked[i];
             }
-            let x = self.origins[i];
-            let (a, _) = homography::spatial_derivatives(&motion, x);
+            let (a, _) = homography::spatial_derivatives(&motion, origins[i]);
             let a = [a[(0, 0)], a[(0, 1)], a[(1, 0)], a[(1, 1)]];
-            let again = self.klt.track_warped(previous, frame, x, self.nodes.now()[i], a);
-            *found = again.ok().then_some(again.at);
+            klt.track_warped(previous, frame, origins[i], now[i], a)
+        });
+        for (i, again) in self.again.iter().enumerate() {
+            let failed = self.found[i].is_none() && self.tracked[i].ok();
+            self.found[i] = (!failed && again.ok()).then_some(again.at);
         }
         self.nodes.save();
         let fitted = self.nodes.fit(&self.found, frame);
@@ -133,6 +139,10 @@ impl<S: StateSpaceModel> Tracker for KltGrid<S> {
 
     fn reseed(&mut self, seed: u64) {
         self.nodes.reseed(seed);
+    }
+
+    fn set_threads(&mut self, threads: usize) {
+        self.klt.set_threads(threads);
     }
 
     fn memory(&self) -> usize {

@@ -69,6 +69,9 @@ impl<S: StateSpaceModel> Tracker for LineTracker<S> {
     fn reseed(&mut self, seed: u64) {
         self.grid.reseed(seed);
     }
+    fn set_threads(&mut self, threads: usize) {
+        self.grid.set_threads(threads);
+    }
     fn channels(&self) -> usize {
         self.grid.channels()
     }

@@ -195,6 +195,10 @@ impl Tracker for Parallel {
         super::reseed_members(&mut self.members, seed);
     }
 
+    fn set_threads(&mut self, threads: usize) {
+        self.members.iter_mut().for_each(|m| m.set_threads(threads));
+    }
+
     fn channels(&self) -> usize {
         super::channels(&self.members)
     }

@@ -170,6 +170,10 @@ impl Tracker for Pyramid {
         super::reseed_members(&mut self.levels, seed);
     }
 
+    fn set_threads(&mut self, threads: usize) {
+        self.levels.iter_mut().for_each(|m| m.set_threads(threads));
+    }
+
     fn channels(&self) -> usize {
         super::channels(&self.levels)
     }

@@ -93,6 +93,11 @@ impl Tracker for Rklt {
         self.template.reseed(seed);
     }
 
+    fn set_threads(&mut self, threads: usize) {
+        self.leader.set_threads(threads);
+        self.template.set_threads(threads);
+    }
+
     fn channels(&self) -> usize {
         self.leader.channels().max(self.template.channels())
     }

@@ -249,10 +249,11 @@ impl Baseline {
 /// The arguments of `mtf-eval run` without what cannot change a figure (where to write, how many threads, what to
 /// print), so that a baseline says the same whoever recorded it. A leading program name and `run` are dropped.
 pub fn recordable(command: &[String]) -> Vec<String> {
-    const WITH_VALUE: [&str; 13] = [
+    const WITH_VALUE: [&str; 14] = [
         "--out",
         "-o",
         "--threads",
+        "--threads-per-tracker",
         "-j",
         "--shard",
         "--format",

@@ -11,6 +11,7 @@ use super::framelog::{Row, format_log, round_corners, score_log};
 use super::journal::{Entry, EntryStatus, Finished, UnitTime};
 use super::panics;
 use super::plan::{FrameLogs, RunRequest, Unit};
+use super::profile::{Activity, Spent};
 use super::rundir::{RunDir, RunError, digest, write_atomic};
 use super::runner::Observer;
 use crate::dataset::Sequence;
@@ -44,6 +45,7 @@ pub(super) struct Context<'a> {
     pub error: Mutex<Option<RunError>>,
     pub pool: &'a rayon::ThreadPool,
     pub lanes: usize,
+    pub spent: Spent,
 }
 
 impl Context<'_> {
@@ -137,10 +139,10 @@ fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[
             unreadable.get_or_insert(reason);
         }
         context.pool.install(|| {
-            group
-                .into_par_iter()
-                .with_max_len(1)
-                .for_each(|active| finish(context, journal, sequence, active));
+            group.into_par_iter().with_max_len(1).for_each(|active| {
+                let write = || finish(context, journal, sequence, active);
+                context.spent.on(Activity::Writing, write);
+            });
         });
     }
 }
@@ -157,6 +159,7 @@ fn prepare<'a>(context: &Context<'_>, unit: &'a Unit, unreadable: Option<&str>) 
     let (tracker, failed) = match made {
         Ok(mut tracker) => {
             tracker.reseed(context.request.unit_seed(unit));
+            tracker.set_threads(context.request.threads_per_tracker);
             (Some(tracker), None)
         }
         Err(reason) => (None, Some(reason)),
@@ -213,10 +216,10 @@ fn run_group(context: &Context<'_>, sequence: &Sequence, group: &mut [Active<'_>
         let ((), next) = context.pool.install(|| {
             rayon::join(
                 || {
-                    group
-                        .par_iter_mut()
-                        .with_max_len(1)
-                        .for_each(|active| track_window(context, sequence, active, &window))
+                    group.par_iter_mut().with_max_len(1).for_each(|active| {
+                        let track = || track_window(context, sequence, active, &window);
+                        context.spent.on(Activity::Tracking, track);
+                    })
                 },
                 || read(upcoming),
             )
@@ -250,9 +253,13 @@ fn decode(
 ) -> Result<Vec<Ready>, String> {
     let read = |index: usize| -> Result<Ready, String> {
         let begin = Instant::now();
-        let decoded = panics::catch(|| sequence.read(index, colour))?.map_err(|e| e.to_string())?;
-        let frame = Frame::new(decoded, Arc::clone(&context.request.pre));
-        panics::catch(|| {
+        let decode = || panics::catch(|| sequence.read(index, colour));
+        let decoded = context.spent.on(Activity::Reading, decode)?;
+        let frame = Frame::new(
+            decoded.map_err(|e| e.to_string())?,
+            Arc::clone(&context.request.pre),
+        );
+        let filter = || {
             // Filtered here, so that no tracker's time includes it.
             if gray {
                 frame.gray();
@@ -260,7 +267,8 @@ fn decode(
             if colour {
                 frame.colour();
             }
-        })?;
+        };
+        context.spent.on(Activity::Filtering, || panics::catch(filter))?;
         Ok(Ready {
             index,
             frame,

@@ -11,6 +11,7 @@ pub mod journal;
 mod lanes;
 pub mod panics;
 pub mod plan;
+pub mod profile;
 pub mod rundir;
 pub mod runner;
 pub mod score;

@@ -86,6 +86,8 @@ pub struct RunRequest {
     pub seed: u64,
     /// Worker threads; 0 for one per core. Never changes a result.
     pub threads: usize,
+    /// Threads that one tracker may use. Never changes a result.
+    pub threads_per_tracker: usize,
     /// Bytes that trackers and their logs may occupy together. Never changes a result.
     pub memory: u64,
     /// The run directory.

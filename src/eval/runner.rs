@@ -9,6 +9,7 @@ use super::framelog::{parse_log, score_log};
 use super::journal::{Entry, EntryStatus, Journal, JournalWriter};
 use super::lanes::{Context, lanes, run_units};
 use super::plan::{FrameLogs, PROTOCOL, RunRequest, SCHEMA_VERSION, Unit};
+use super::profile::{Profile, Spent};
 use super::rundir::{RunDir, RunError, digest, host_name};
 use crate::output::{self, Meta};
 use rayon::prelude::*;
@@ -18,6 +19,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, mpsc};
+use std::time::Instant;
 
 /// Units that may wait for the journal before trackers do.
 const JOURNAL_QUEUE: usize = 1024;
@@ -63,6 +65,8 @@ pub struct RunReport {
     pub resumed: usize,
     /// Units without a result: `tracker on dataset/sequence`, and why.
     pub failed: Vec<(String, String)>,
+    /// Where the time went; `None` when an earlier run had done everything.
+    pub profile: Option<Profile>,
 }
 
 /// Tracks everything in `request` that its directory does not hold yet and writes the result files.
@@ -103,6 +107,7 @@ pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> 
         pending.entry(unit.sequence).or_default().push(unit);
     }
     let resumed = done.iter().filter(|&&done| done).count();
+    let mut profile = None;
     if !pending.is_empty() {
         let per_sequence = pending.values().map(Vec::len).max().unwrap_or(0);
         let frames = |unit: &&Unit| (request.sequences[unit.sequence].len() - unit.start) as u64;
@@ -121,13 +126,16 @@ pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> 
             error: Mutex::new(None),
             lanes: lanes(threads, per_sequence, pending.len()),
             pool: &pool,
+            spent: Spent::default(),
         };
+        let begin = Instant::now();
         std::thread::scope(|scope| {
             let context = &context;
             scope.spawn(move || writer.serve(finished).unwrap_or_else(|error| context.fail(error)));
             run_units(context, journal, pending.into_values().collect());
         });
         observer.end();
+        profile = Some(context.spent.profile(begin.elapsed().as_secs_f64(), threads));
         if let Some(error) = context.error.into_inner().unwrap_or_else(|e| e.into_inner()) {
             return Err(error);
         }
@@ -181,6 +189,7 @@ pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> 
         units: units.len(),
         resumed,
         failed: entries.iter().filter_map(failed).collect(),
+        profile,
     })
 }
 

@@ -143,6 +143,7 @@ impl Bench {
             sequences: self.sequences.clone(),
             pre: Arc::new(Identity),
             seed: 7,
+            threads_per_tracker: 1,
             threads: 2,
             memory: 1 << 30,
             out: self.dir.path().join(out),

@@ -4,6 +4,7 @@
 
 use crate::image::{Frame, Image};
 use crate::kernels::{self, FlowWindow, Grid2, Place};
+use rayon::prelude::*;
 
 crate::params! {
     /// Parameters of pyramidal Lucas-Kanade flow.
@@ -78,6 +79,8 @@ pub struct Klt {
     window: FlowWindow,
     back: Vec<Tracked>,
     ahead: Vec<[f64; 2]>,
+    /// With more threads than one: what follows each share of the points, and what became of them.
+    helpers: Vec<(Klt, Vec<Tracked>)>,
 }
 
 impl Klt {
@@ -89,6 +92,7 @@ impl Klt {
             window,
             back: Vec::new(),
             ahead: Vec::new(),
+            helpers: Vec::new(),
         }
     }
 
@@ -100,8 +104,37 @@ impl Klt {
     /// Where the points `from` (px) of frame `first` are in frame `second`, in order, into `out`. The search starts
     /// where they were.
     pub fn track(&mut self, first: &Frame, second: &Frame, from: &[[f64; 2]], out: &mut Vec<Tracked>) {
+        self.track_each(from.len(), out, |klt, i| {
+            klt.track_point(first, second, from[i], from[i])
+        });
+    }
+
+    /// Threads of the current `rayon` pool that follow points at once. Never changes a result.
+    pub fn set_threads(&mut self, threads: usize) {
+        let helper = (Klt::new(self.params.clone()), Vec::new());
+        self.helpers = vec![helper; if threads > 1 { threads } else { 0 }];
+    }
+
+    /// What `point` makes of each of `count` points, in order, into `out`.
+    pub fn track_each(
+        &mut self,
+        count: usize,
+        out: &mut Vec<Tracked>,
+        point: impl Fn(&mut Klt, usize) -> Tracked + Sync,
+    ) {
         out.clear();
-        out.extend(from.iter().map(|&x| self.track_point(first, second, x, x)));
+        if self.helpers.is_empty() {
+            out.extend((0..count).map(|i| point(self, i)));
+            return;
+        }
+        let share = count.div_ceil(self.helpers.len());
+        let helpers = self.helpers.par_iter_mut().enumerate();
+        helpers.for_each(|(k, (klt, tracked))| {
+            tracked.clear();
+            let mine = count.min(k * share)..count.min((k + 1) * share);
+            tracked.extend(mine.map(|i| point(klt, i)));
+        });
+        out.extend(self.helpers.iter().flat_map(|(_, tracked)| tracked));
     }
 
     /// One point, searched from `guess` on.
@@ -215,7 +248,7 @@ impl Klt {
                 (xx * by - xy * bx) / determinant,
             ];
             let undone = [last[0] + step[0], last[1] + step[1]];
-            let share = if last != [0.0; 2] && undone[0].hypot(undone[1]) < OSCILLATION {
+            let share = if last != [0.0; 2] && squared(undone) < OSCILLATION * OSCILLATION {
                 0.5
             } else {
                 1.0
@@ -224,7 +257,7 @@ impl Klt {
             if !inside(second, found.at, slack) {
                 return found;
             }
-            if share < 1.0 || step[0] * step[0] + step[1] * step[1] < epsilon * epsilon {
+            if share < 1.0 || squared(step) < epsilon * epsilon {
                 break;
             }
             last = step;
@@ -300,6 +333,10 @@ impl Texture {
         let matrix = kernels::flow_window(place(image, x[0] - radius, x[1] - radius), &mut self.window);
         smaller_eigenvalue(matrix) / (side * side) as f64
     }
+}
+
+fn squared([x, y]: [f64; 2]) -> f64 {
+    x * x + y * y
 }
 
 /// Whether a point is in the image, or outside by no more than `slack` px.
@@ -506,7 +543,9 @@ mod tests {
                 (xx, xy, yy) = (xx + gx * gx / 49.0, xy + gx * gy / 49.0, yy + gy * gy / 49.0);
             }
         }
-        let smaller = nalgebra::Matrix2::new(xx, xy, xy, yy).symmetric_eigenvalues().min();
+        let smaller = nalgebra::Matrix2::new(xx, xy, xy, yy)
+            .symmetric_eigenvalues()
+            .min();
         let found = Texture::new(7).min_eigen(&product, [20.0, 16.0]);
         assert!((found - smaller).abs() < 1e-4, "{found} {smaller}");
         let ramp = Image::from_fn(40, 40, |x, _| x as f32);

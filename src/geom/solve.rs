@@ -15,6 +15,12 @@ impl SymMatrix {
             a: vec![0.0; n * n],
         }
     }
+    /// Zero matrix of order `n`. Allocates only when it grows.
+    pub fn reset(&mut self, n: usize) {
+        self.n = n;
+        self.a.clear();
+        self.a.resize(n * n, 0.0);
+    }
     /// Order.
     pub fn order(&self) -> usize {
         self.n

@@ -50,6 +50,12 @@ impl<'a> Place<'a> {
         self.left >= 0 && self.top >= 0 && left + cols < self.width && top + rows < self.height
     }
 
+    /// Pixels of a window that is inside, from its upper left one on.
+    #[inline(always)]
+    fn pixels(&self) -> &'a [f32] {
+        &self.data[self.top as usize * self.stride + self.left as usize..]
+    }
+
     /// Columns and rows of a window whose samples lie in the image.
     pub fn valid(&self, cols: usize, rows: usize) -> [std::ops::Range<usize>; 2] {
         let range = |first: i32, fraction: f32, window: usize, size: usize| {
@@ -63,18 +69,19 @@ impl<'a> Place<'a> {
         ]
     }
 
-    /// Bilinear value of one sample, coordinates clamped to the image.
-    #[inline(always)]
-    fn clamped(&self, col: usize, row: usize) -> f32 {
-        let [dx, dy] = self.fraction;
-        let at = |x: i32, n: usize| x.clamp(0, n as i32 - 1) as usize;
-        let (x, y) = (self.left + col as i32, self.top + row as i32);
-        let (x0, x1) = (at(x, self.width), at(x + 1, self.width));
-        let (y0, y1) = (at(y, self.height), at(y + 1, self.height));
-        let p = |x: usize, y: usize| self.data[y * self.stride + x];
-        let upper = dx.mul_add(p(x1, y0) - p(x0, y0), p(x0, y0));
-        let lower = dx.mul_add(p(x1, y1) - p(x0, y1), p(x0, y1));
-        dy.mul_add(lower - upper, upper)
+    /// Pixels `row` rows below the upper left one, from its column on, coordinates clamped to the image.
+    fn clamped_row(&self, row: usize, out: &mut [f32]) {
+        let y = (i64::from(self.top) + row as i64).clamp(0, self.height as i64 - 1) as usize;
+        let pixels = &self.data[y * self.stride..][..self.width];
+        let left = i64::from(self.left);
+        let before = (-left).clamp(0, out.len() as i64) as usize;
+        let first = left.clamp(0, self.width as i64) as usize;
+        let count = (self.width - first).min(out.len() - before);
+        let (head, rest) = out.split_at_mut(before);
+        let (middle, tail) = rest.split_at_mut(count);
+        head.fill(pixels[0]);
+        middle.copy_from_slice(&pixels[first..first + count]);
+        tail.fill(pixels[self.width - 1]);
     }
 }
 
@@ -82,6 +89,11 @@ impl<'a> Place<'a> {
 pub fn padded(cols: usize) -> usize {
     cols.next_multiple_of(WIDTH)
 }
+
+/// Largest side of a window.
+pub const MAX_SIDE: usize = 111;
+/// Pixels under a row of the largest window, one sample beyond it on both sides.
+const LINE: usize = 128;
 
 /// A window of the first image, its gradient and the gradient's products: `padded(side)` columns, `side` rows. Beyond
 /// `side` columns and outside the image the gradient is zero.
@@ -99,8 +111,9 @@ pub struct FlowWindow {
 }
 
 impl FlowWindow {
-    /// For windows of `side x side` samples.
+    /// For windows of `side x side` samples, `side <= MAX_SIDE`.
     pub fn new(side: usize) -> Self {
+        assert!(side <= MAX_SIDE, "window too large");
         let n = padded(side) * side;
         FlowWindow {
             side,
@@ -130,6 +143,10 @@ dispatch! {
     /// Sums of `|a - b|`, `a`, `b`, `a²`, `a b`, `b²` over the samples inside the image, `a` the window's values and `b` those
     /// at another place, both less the window's middle value.
     fn flow_moments(place: Place<'_>, window: &FlowWindow) -> [f64; 6] = moments_lanes;
+    #[cold]
+    fn mismatch_at_border(place: Place<'_>, window: &FlowWindow) -> [f64; 2] = mismatch_border_lanes;
+    #[cold]
+    fn moments_at_border(place: Place<'_>, window: &FlowWindow, middle: f32) -> [f64; 6] = moments_border_lanes;
 }
 
 /// How alike two windows are.
@@ -156,6 +173,14 @@ pub fn flow_match(place: Place<'_>, window: &FlowWindow) -> FlowMatch {
             0.0
         },
     }
+}
+
+/// Pixels from the first on, interpolated with their right neighbours.
+#[inline(always)]
+fn across_pixels<V: Lanes>(pixels: &[f32], dx: V) -> V {
+    let pixels = &pixels[..WIDTH + 1];
+    let (a, b) = (V::load(&pixels[..WIDTH]), V::load(&pixels[1..]));
+    dx.mul_add(b.sub(a), a)
 }
 
 /// `[a b; c d]` interpolated at the fractions.
@@ -185,30 +210,33 @@ fn window_lanes<V: Lanes>(place: Place<'_>, window: &mut FlowWindow) -> [f64; 3]
         ..place
     };
     if around.inside(side + 2, side + 2) {
+        // Past the end of a row come other pixels of the plane, which are not used.
+        let pixels = around.pixels();
         let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
-        for (row, out) in wide.chunks_exact_mut(across).enumerate() {
-            let at = (around.top as usize + row) * place.stride + around.left as usize;
-            // Past the end of a row come other pixels of the plane, or nothing that is used.
-            let end = |from: usize| (from + across + 1).min(place.data.len());
-            let upper = &place.data[at..end(at)];
-            let lower = &place.data[at + place.stride..end(at + place.stride)];
-            let mut i = 0;
-            while i < side + 2 {
-                if i + WIDTH < upper.len().min(lower.len()) {
-                    bilinear(upper, lower, i, dx, dy).store(&mut out[i..i + WIDTH]);
-                } else {
-                    for (k, v) in out[i..i + WIDTH].iter_mut().enumerate() {
-                        *v = around.clamped(i + k, row);
-                    }
-                }
-                i += WIDTH;
+        let mut i = 0;
+        while i < side + 2 {
+            let mut upper = across_pixels(&pixels[i..], dx);
+            for row in 0..side + 2 {
+                let lower = across_pixels(&pixels[(row + 1) * place.stride + i..], dx);
+                let o = row * across + i;
+                dy.mul_add(lower.sub(upper), upper).store(&mut wide[o..o + WIDTH]);
+                upper = lower;
             }
+            i += WIDTH;
         }
     } else {
+        let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
+        let mut lines = [[0.0; LINE]; 2];
+        let [mut upper, mut lower] = lines.each_mut().map(|l| &mut l[..across + 1]);
+        around.clamped_row(0, upper);
         for (row, out) in wide.chunks_exact_mut(across).enumerate() {
-            for (col, v) in out[..side + 2].iter_mut().enumerate() {
-                *v = around.clamped(col, row);
+            around.clamped_row(row + 1, lower);
+            let mut i = 0;
+            while i < side + 2 {
+                bilinear(upper, lower, i, dx, dy).store(&mut out[i..i + WIDTH]);
+                i += WIDTH;
             }
+            std::mem::swap(&mut upper, &mut lower);
         }
     }
     gradient_pass::<V>(window, place.valid(side, side))
@@ -219,12 +247,19 @@ fn warped_window_lanes<V: Lanes>(image: Grid2<'_>, map: [f64; 6], window: &mut F
     let across = padded(window.side) + WIDTH;
     let used = padded(window.side + 2);
     let FlowWindow { wide, x, y, .. } = window;
+    let ramp = V::from_array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
     for (row, out) in wide.chunks_exact_mut(across).enumerate() {
         let down = row as f64 - 1.0;
-        for (col, (x, y)) in x.iter_mut().zip(y.iter_mut()).enumerate().take(used) {
-            let right = col as f64 - 1.0;
-            *x = (map[0] + map[1] * right + map[2] * down) as f32;
-            *y = (map[3] + map[4] * right + map[5] * down) as f32;
+        let mut i = 0;
+        while i < used {
+            let right = i as f64 - 1.0;
+            let start = |k: usize| map[k] + map[k + 1] * right + map[k + 2] * down;
+            let (left, top) = (V::splat(start(0) as f32), V::splat(start(3) as f32));
+            ramp.mul_add(V::splat(map[1] as f32), left)
+                .store(&mut x[i..i + WIDTH]);
+            ramp.mul_add(V::splat(map[4] as f32), top)
+                .store(&mut y[i..i + WIDTH]);
+            i += WIDTH;
         }
         sample_lanes::<V>(image, Border::Replicate, &x[..used], &y[..used], &mut out[..used]);
     }
@@ -234,13 +269,13 @@ fn warped_window_lanes<V: Lanes>(image: Grid2<'_>, map: [f64; 6], window: &mut F
 
 /// Eight elements from the first, the second and the third on.
 #[inline(always)]
-fn three<V: Lanes>(s: &[f32]) -> (V, V, V) {
+fn three<V: Lanes>(s: &[f32]) -> [V; 3] {
     let s = &s[..WIDTH + 2];
-    (
+    [
         V::load(&s[..WIDTH]),
         V::load(&s[1..1 + WIDTH]),
         V::load(&s[2..2 + WIDTH]),
-    )
+    ]
 }
 
 /// Values, Scharr gradient inside the given columns and rows, and its products, from the values one sample beyond.
@@ -262,37 +297,31 @@ fn gradient_pass<V: Lanes>(
     let (smooth, middle, half) = (V::splat(3.0 / 16.0), V::splat(10.0 / 16.0), V::splat(0.5));
     let zero = V::splat(0.0);
     let (mut xx, mut xy, mut yy) = (zero, zero, zero);
-    for row in 0..side {
-        let line = |k: usize| &wide[(row + k) * across..(row + k + 1) * across];
-        let (above, here, below) = (line(0), line(1), line(2));
-        let inside = if valid_rows.contains(&row) { 1.0 } else { 0.0 };
-        let mut i = 0;
-        while i < cols {
-            let mut mask = [0.0; WIDTH];
-            for (k, m) in mask.iter_mut().enumerate() {
-                if valid_cols.contains(&(i + k)) {
-                    *m = inside;
-                }
-            }
-            let mask = V::from_array(mask);
-            // One place to the left, here, and one to the right.
-            let (a0, a1, a2) = three::<V>(&above[i..]);
-            let (b0, b1, b2) = three::<V>(&here[i..]);
-            let (c0, c1, c2) = three::<V>(&below[i..]);
-            let left = a0.add(c0).mul_add(smooth, b0.mul(middle));
-            let right = a2.add(c2).mul_add(smooth, b2.mul(middle));
-            let x = right.sub(left).mul(half).mul(mask);
-            let y = c0.sub(a0).add(c2.sub(a2));
-            let y = y.mul_add(smooth, c1.sub(a1).mul(middle)).mul(half).mul(mask);
+    let mut i = 0;
+    while i < cols {
+        let mask = column_mask::<V>(&valid_cols, i);
+        // A row above, here, and a row below; in each one place to the left, here, and one to the right.
+        let mut a = three::<V>(&wide[i..]);
+        let mut b = three::<V>(&wide[across + i..]);
+        for row in 0..side {
+            let c = three::<V>(&wide[(row + 2) * across + i..]);
+            let inside = if valid_rows.contains(&row) { mask } else { zero };
+            let left = a[0].add(c[0]).mul_add(smooth, b[0].mul(middle));
+            let right = a[2].add(c[2]).mul_add(smooth, b[2].mul(middle));
+            let x = right.sub(left).mul(half).mul(inside);
+            let y = c[0].sub(a[0]).add(c[2].sub(a[2]));
+            let y = y.mul_add(smooth, c[1].sub(a[1]).mul(middle)).mul(half);
+            let y = y.mul(inside);
             let o = row * cols + i;
-            b1.store(&mut values[o..o + WIDTH]);
+            b[1].store(&mut values[o..o + WIDTH]);
             x.store(&mut gx[o..o + WIDTH]);
             y.store(&mut gy[o..o + WIDTH]);
             xx = x.mul_add(x, xx);
             xy = x.mul_add(y, xy);
             yy = y.mul_add(y, yy);
-            i += WIDTH;
+            (a, b) = (b, c);
         }
+        i += WIDTH;
     }
     [xx.sum(), xy.sum(), yy.sum()]
 }
@@ -305,23 +334,20 @@ fn mismatch_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow) -> [f64; 2] {
     }
     let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
     let (mut bx, mut by) = (V::splat(0.0), V::splat(0.0));
-    for row in 0..side {
-        let at = (place.top as usize + row) * place.stride + place.left as usize;
-        let upper = &place.data[at..at + cols + 1];
-        let lower = &place.data[at + place.stride..at + place.stride + cols + 1];
-        let line = row * cols..(row + 1) * cols;
-        let (t, gx, gy) = (
-            &window.values[line.clone()],
-            &window.gx[line.clone()],
-            &window.gy[line],
-        );
-        let mut i = 0;
-        while i < cols {
-            let d = V::load(&t[i..i + WIDTH]).sub(bilinear(upper, lower, i, dx, dy));
-            bx = d.mul_add(V::load(&gx[i..i + WIDTH]), bx);
-            by = d.mul_add(V::load(&gy[i..i + WIDTH]), by);
-            i += WIDTH;
+    let pixels = place.pixels();
+    let mut i = 0;
+    while i < cols {
+        let mut upper = across_pixels(&pixels[i..], dx);
+        for row in 0..side {
+            let lower = across_pixels(&pixels[(row + 1) * place.stride + i..], dx);
+            let at = row * cols + i..row * cols + i + WIDTH;
+            let there = dy.mul_add(lower.sub(upper), upper);
+            let d = V::load(&window.values[at.clone()]).sub(there);
+            bx = d.mul_add(V::load(&window.gx[at.clone()]), bx);
+            by = d.mul_add(V::load(&window.gy[at]), by);
+            upper = lower;
         }
+        i += WIDTH;
     }
     [bx.sum(), by.sum()]
 }
@@ -336,60 +362,107 @@ fn moments_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow) -> [f64; 6] {
     let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
     let shift = V::splat(middle);
     let mut sums = [V::splat(0.0); 6];
-    for row in 0..side {
-        let at = (place.top as usize + row) * place.stride + place.left as usize;
-        let upper = &place.data[at..at + cols + 1];
-        let lower = &place.data[at + place.stride..at + place.stride + cols + 1];
+    let pixels = place.pixels();
+    let mut i = 0;
+    while i < cols {
+        let mask = column_mask::<V>(&(0..side), i);
+        let mut upper = across_pixels(&pixels[i..], dx);
+        for row in 0..side {
+            let lower = across_pixels(&pixels[(row + 1) * place.stride + i..], dx);
+            let a = V::load(&window.values[row * cols + i..row * cols + i + WIDTH]);
+            let b = dy.mul_add(lower.sub(upper), upper);
+            add_moments(&mut sums, a, b, shift, mask);
+            upper = lower;
+        }
+        i += WIDTH;
+    }
+    total_moments(sums)
+}
+
+/// 1 in those of the columns from `i` on that are in the range, else 0.
+#[inline(always)]
+fn column_mask<V: Lanes>(valid: &std::ops::Range<usize>, i: usize) -> V {
+    let ramp = V::from_array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+    let column = ramp.add(V::splat(i as f32));
+    let (low, high) = (V::splat(valid.start as f32 - 0.5), V::splat(valid.end as f32));
+    low.less(column).mul(column.less(high))
+}
+
+#[inline(always)]
+fn mismatch_border_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow) -> [f64; 2] {
+    let (side, cols) = (window.side, padded(window.side));
+    let [valid_cols, valid_rows] = place.valid(side, side);
+    let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
+    let (mut bx, mut by) = (V::splat(0.0), V::splat(0.0));
+    let mut lines = [[0.0; LINE]; 2];
+    let [mut upper, mut lower] = lines.each_mut().map(|l| &mut l[..cols + 1]);
+    place.clamped_row(valid_rows.start, upper);
+    for row in valid_rows {
+        place.clamped_row(row + 1, lower);
+        let line = row * cols..(row + 1) * cols;
+        let (t, gx, gy) = (
+            &window.values[line.clone()],
+            &window.gx[line.clone()],
+            &window.gy[line],
+        );
+        let mut i = 0;
+        while i < cols {
+            let d = V::load(&t[i..i + WIDTH]).sub(bilinear(upper, lower, i, dx, dy));
+            let d = d.mul(column_mask::<V>(&valid_cols, i));
+            bx = d.mul_add(V::load(&gx[i..i + WIDTH]), bx);
+            by = d.mul_add(V::load(&gy[i..i + WIDTH]), by);
+            i += WIDTH;
+        }
+        std::mem::swap(&mut upper, &mut lower);
+    }
+    [bx.sum(), by.sum()]
+}
+
+#[inline(always)]
+fn moments_border_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow, middle: f32) -> [f64; 6] {
+    let (side, cols) = (window.side, padded(window.side));
+    let [valid_cols, valid_rows] = place.valid(side, side);
+    let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
+    let mut sums = [V::splat(0.0); 6];
+    let mut lines = [[0.0; LINE]; 2];
+    let [mut upper, mut lower] = lines.each_mut().map(|l| &mut l[..cols + 1]);
+    place.clamped_row(valid_rows.start, upper);
+    for row in valid_rows {
+        place.clamped_row(row + 1, lower);
         let values = &window.values[row * cols..(row + 1) * cols];
         let mut i = 0;
         while i < cols {
-            let mut mask = [0.0; WIDTH];
-            mask[..(side - i).min(WIDTH)].fill(1.0);
-            let mask = V::from_array(mask);
-            let a = V::load(&values[i..i + WIDTH]).sub(shift).mul(mask);
-            let b = bilinear(upper, lower, i, dx, dy).sub(shift).mul(mask);
-            sums[0] = sums[0].add(a.sub(b).abs());
-            sums[1] = sums[1].add(a);
-            sums[2] = sums[2].add(b);
-            sums[3] = a.mul_add(a, sums[3]);
-            sums[4] = a.mul_add(b, sums[4]);
-            sums[5] = b.mul_add(b, sums[5]);
+            let mask = column_mask::<V>(&valid_cols, i);
+            let b = bilinear(upper, lower, i, dx, dy);
+            add_moments(
+                &mut sums,
+                V::load(&values[i..i + WIDTH]),
+                b,
+                V::splat(middle),
+                mask,
+            );
             i += WIDTH;
         }
+        std::mem::swap(&mut upper, &mut lower);
     }
-    let [d, a, b, aa, ab, bb] = sums;
+    total_moments(sums)
+}
+
+/// Adds `|a - b|`, `a`, `b`, `a²`, `a b`, `b²`, both less `shift`, where the mask is 1.
+#[inline(always)]
+fn add_moments<V: Lanes>(sums: &mut [V; 6], a: V, b: V, shift: V, mask: V) {
+    let (a, b) = (a.sub(shift).mul(mask), b.sub(shift).mul(mask));
+    sums[0] = sums[0].add(a.sub(b).abs());
+    sums[1] = sums[1].add(a);
+    sums[2] = sums[2].add(b);
+    sums[3] = a.mul_add(a, sums[3]);
+    sums[4] = a.mul_add(b, sums[4]);
+    sums[5] = b.mul_add(b, sums[5]);
+}
+
+#[inline(always)]
+fn total_moments<V: Lanes>([d, a, b, aa, ab, bb]: [V; 6]) -> [f64; 6] {
     [d.sum(), a.sum(), b.sum(), aa.sum(), ab.sum(), bb.sum()]
-}
-
-fn moments_at_border(place: Place<'_>, window: &FlowWindow, middle: f32) -> [f64; 6] {
-    let stride = padded(window.side);
-    let [cols, rows] = place.valid(window.side, window.side);
-    let mut sums = [0.0; 6];
-    for row in rows {
-        for col in cols.clone() {
-            let a = f64::from(window.values[row * stride + col] - middle);
-            let b = f64::from(place.clamped(col, row) - middle);
-            for (sum, v) in sums.iter_mut().zip([(a - b).abs(), a, b, a * a, a * b, b * b]) {
-                *sum += v;
-            }
-        }
-    }
-    sums
-}
-
-fn mismatch_at_border(place: Place<'_>, window: &FlowWindow) -> [f64; 2] {
-    let (side, stride) = (window.side, padded(window.side));
-    let [cols, rows] = place.valid(side, side);
-    let mut b = [0.0; 2];
-    for row in rows {
-        for col in cols.clone() {
-            let i = row * stride + col;
-            let d = f64::from(window.values[i] - place.clamped(col, row));
-            b[0] += d * f64::from(window.gx[i]);
-            b[1] += d * f64::from(window.gy[i]);
-        }
-    }
-    b
 }
 
 #[cfg(test)]

@@ -305,6 +305,14 @@ mod x86 {
         unsafe { _mm_castpd_ps(_mm_loadh_pd(_mm_castps_pd(lo), p.cast())) }
     }
 
+    /// Mask of the first `n <= 8` lanes.
+    #[inline(always)]
+    unsafe fn first(n: usize) -> __m256i {
+        const ONES: [i32; 2 * WIDTH] = [-1, -1, -1, -1, -1, -1, -1, -1, 0, 0, 0, 0, 0, 0, 0, 0];
+        assert!(n <= WIDTH);
+        unsafe { _mm256_loadu_si256(ONES.as_ptr().add(WIDTH - n).cast()) }
+    }
+
     impl Lanes for Avx2 {
         #[inline(always)]
         fn splat(v: f32) -> Self {
@@ -420,6 +428,15 @@ mod x86 {
                 ]
             }
         }
+        // Masked, because a call of `memcpy` in a loop, even one that is never reached, spills every register.
+        #[inline(always)]
+        fn load_partial(s: &[f32]) -> Self {
+            Avx2(unsafe { _mm256_maskload_ps(s.as_ptr(), first(s.len())) })
+        }
+        #[inline(always)]
+        fn store_partial(self, s: &mut [f32]) {
+            unsafe { _mm256_maskstore_ps(s.as_mut_ptr(), first(s.len()), self.0) }
+        }
         #[inline(always)]
         fn load_twice(s: &[f32]) -> Self {
             debug_assert!(s.len() >= 4);
@@ -466,13 +483,9 @@ mod x86 {
                     _mm256_mullo_epi32(_mm256_cvttps_epi32(y.0), stride_v),
                     _mm256_cvttps_epi32(x.0),
                 );
-                let mut index = [0i32; WIDTH];
+                let mut index = [0u32; WIDTH];
                 _mm256_storeu_si256(index.as_mut_ptr().cast(), at);
-                debug_assert!(
-                    index
-                        .iter()
-                        .all(|&i| i >= 0 && i as usize + stride + 1 < plane.len())
-                );
+                debug_assert!(index.iter().all(|&i| (i as usize + stride + 1) < plane.len()));
                 let row = |base: *const f32| {
                     let pair = |i: usize, k: usize| {
                         let lo = _mm_castpd_ps(_mm_load_sd(base.add(index[i] as usize).cast()));

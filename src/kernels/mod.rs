@@ -47,6 +47,7 @@ pub use robust::{add_steep, huber, keep_close, tukey, weighted_squares};
 pub use sample::{Border, Grid2, image_hessian, sample, sample_gradient, sample_reference};
 pub use steepest::{Column, Covectors, steepest, steepest_reference};
 pub use tone::{
-    Window, line_shift, line_sums, linear_shift, shifted_residual, step_shift, tone_bins, tone_sums,
+    Window, blend_weights, line_shift, line_sums, linear_shift, shifted_residual, step_shift, tone_bins,
+    tone_sums,
 };
-pub use warp::warp_projective;
+pub use warp::{regular_grid, warp_projective};

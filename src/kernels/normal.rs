@@ -129,7 +129,12 @@ const BLOCK: usize = 256;
 
 #[inline(always)]
 fn normal_lanes<V: Lanes>(j: &Jacobian, rhs: &[&[f32]], h: &mut SymMatrix, out: &mut [f64]) {
-    system::<V, false>(j, 0..j.rows, &[], rhs, h, out);
+    // As many right-hand sides as the last tile has room for.
+    let room = (j.cols.next_multiple_of(TILE) - j.cols).min(rhs.len());
+    system::<V, false>(j, 0..j.rows, &[], &rhs[..room], h, out);
+    for (rhs, out) in rhs.iter().zip(out.chunks_exact_mut(j.cols)).skip(room) {
+        project_lanes::<V>(j, rhs, out);
+    }
 }
 
 #[inline(always)]
@@ -139,7 +144,10 @@ fn block_lanes<V: Lanes>(j: &Jacobian, first: usize, last: usize, h: &mut SymMat
 
 #[inline(always)]
 fn weighted_lanes<V: Lanes>(j: &Jacobian, w: &[f32], rhs: &[&[f32]], h: &mut SymMatrix, out: &mut [f64]) {
-    system::<V, true>(j, 0..j.rows, &w[..j.rows], rhs, h, out);
+    system::<V, true>(j, 0..j.rows, &w[..j.rows], &[], h, &mut []);
+    for (rhs, out) in rhs.iter().zip(out.chunks_exact_mut(j.cols)) {
+        project_lanes::<V>(j, rhs, out);
+    }
 }
 
 #[inline(always)]
@@ -151,36 +159,38 @@ fn system<V: Lanes, const WEIGHTED: bool>(
     h: &mut SymMatrix,
     out: &mut [f64],
 ) {
-    let (n, s) = (rows.len(), j.cols);
+    let s = j.cols;
     let total = s + rhs.len();
-    let column = |k: usize| -> &[f32] {
-        let k = k.min(total - 1);
-        &(if k < s { j.col(k) } else { rhs[k - s] })[rows.clone()]
-    };
     let side = total.div_ceil(TILE);
     // Upper triangle of tiles whose rows hold at least one parameter.
-    let tiles = || (0..s.div_ceil(TILE)).flat_map(move |a| (a..side).map(move |b| (a, b)));
-    let count = tiles().count();
-    let mut done = 0;
-    while done < count {
+    let mut tiles = (0..s.div_ceil(TILE)).flat_map(|a| (a..side).map(move |b| (a, b)));
+    loop {
+        let mut batch = [(0, 0); BATCH];
+        let mut count = 0;
+        for (slot, tile) in batch.iter_mut().zip(&mut tiles) {
+            *slot = tile;
+            count += 1;
+        }
+        if count == 0 {
+            break;
+        }
+        let batch = &batch[..count];
         let mut acc = [[[V::splat(0.0); TILE]; TILE]; BATCH];
-        let mut start = 0;
-        while start < n {
-            let end = (start + BLOCK).min(n);
-            for ((a, b), acc) in tiles().skip(done).zip(acc.iter_mut()) {
-                let rows: [&[f32]; TILE] = std::array::from_fn(|k| &column(TILE * a + k)[start..end]);
-                let cols: [&[f32]; TILE] = std::array::from_fn(|k| &column(TILE * b + k)[start..end]);
-                *acc = if WEIGHTED {
-                    // Only parameters are weighted; a tile may hold both kinds of columns.
-                    let weighted = std::array::from_fn(|k| TILE * b + k < s);
-                    tile::<V, true>(rows, cols, &w[start..end], weighted, *acc)
+        let mut start = rows.start;
+        while start < rows.end {
+            let block = start..(start + BLOCK).min(rows.end);
+            for (&(a, b), acc) in batch.iter().zip(acc.iter_mut()) {
+                let left = columns(j, rhs, TILE * a, &block);
+                let w = if WEIGHTED { &w[block.clone()] } else { w };
+                *acc = if a == b {
+                    diagonal_tile::<V, WEIGHTED>(left, w, *acc)
                 } else {
-                    tile::<V, false>(rows, cols, &[], [false; TILE], *acc)
+                    tile::<V, WEIGHTED>(left, columns(j, rhs, TILE * b, &block), w, *acc)
                 };
             }
-            start = end;
+            start = block.end;
         }
-        for ((a, b), acc) in tiles().skip(done).zip(&acc) {
+        for (&(a, b), acc) in batch.iter().zip(&acc) {
             for (p, row) in acc.iter().enumerate() {
                 for (q, v) in row.iter().enumerate() {
                     let (r, c) = (TILE * a + p, TILE * b + q);
@@ -192,58 +202,83 @@ fn system<V: Lanes, const WEIGHTED: bool>(
                 }
             }
         }
-        done += BATCH;
     }
+}
+
+/// Rows `block` of the columns `first..first + 3`, parameters before right-hand sides, the last one repeated beyond the end.
+#[inline(always)]
+fn columns<'a>(j: &'a Jacobian, rhs: &[&'a [f32]], first: usize, block: &Range<usize>) -> [&'a [f32]; TILE] {
+    let (s, last) = (j.cols, j.cols + rhs.len() - 1);
+    let mut out: [&[f32]; TILE] = [&[]; TILE];
+    for (k, out) in out.iter_mut().enumerate() {
+        let k = (first + k).min(last);
+        *out = if k < s {
+            &j.data[k * j.stride..][block.clone()]
+        } else {
+            &rhs[k - s][block.clone()]
+        };
+    }
+    out
 }
 
 #[inline(always)]
 fn tile<V: Lanes, const WEIGHTED: bool>(
-    rows: [&[f32]; TILE],
-    cols: [&[f32]; TILE],
+    [a0, a1, a2]: [&[f32]; TILE],
+    [b0, b1, b2]: [&[f32]; TILE],
     w: &[f32],
-    weighted: [bool; TILE],
     mut acc: [[V; TILE]; TILE],
 ) -> [[V; TILE]; TILE] {
-    let n = rows[0].len();
-    let (rows, cols) = (rows.map(|r| &r[..n]), cols.map(|c| &c[..n]));
+    let n = a0.len();
+    let (a1, a2, b0, b1, b2) = (&a1[..n], &a2[..n], &b0[..n], &b1[..n], &b2[..n]);
     let w = if WEIGHTED { &w[..n] } else { w };
     let mut i = 0;
-    while i + WIDTH <= n {
-        let a = rows.map(|r| V::load(&r[i..i + WIDTH]));
-        let mut b = cols.map(|c| V::load(&c[i..i + WIDTH]));
+    while i < n {
+        let a = [V::load_at(a0, i), V::load_at(a1, i), V::load_at(a2, i)];
+        let mut b = [V::load_at(b0, i), V::load_at(b1, i), V::load_at(b2, i)];
         if WEIGHTED {
-            weigh(V::load(&w[i..i + WIDTH]), weighted, &mut b);
+            let w = V::load_at(w, i);
+            for b in &mut b {
+                *b = b.mul(w);
+            }
         }
-        multiply(a, b, &mut acc);
+        for p in 0..TILE {
+            for q in 0..TILE {
+                acc[p][q] = a[p].mul_add(b[q], acc[p][q]);
+            }
+        }
         i += WIDTH;
-    }
-    if i < n {
-        let a = rows.map(|r| V::load_partial(&r[i..]));
-        let mut b = cols.map(|c| V::load_partial(&c[i..]));
-        if WEIGHTED {
-            weigh(V::load_partial(&w[i..]), weighted, &mut b);
-        }
-        multiply(a, b, &mut acc);
     }
     acc
 }
 
+/// The upper triangle of a tile of columns with themselves.
 #[inline(always)]
-fn weigh<V: Lanes>(w: V, weighted: [bool; TILE], b: &mut [V; TILE]) {
-    for q in 0..TILE {
-        if weighted[q] {
-            b[q] = b[q].mul(w);
+fn diagonal_tile<V: Lanes, const WEIGHTED: bool>(
+    [a0, a1, a2]: [&[f32]; TILE],
+    w: &[f32],
+    mut acc: [[V; TILE]; TILE],
+) -> [[V; TILE]; TILE] {
+    let n = a0.len();
+    let (a1, a2) = (&a1[..n], &a2[..n]);
+    let w = if WEIGHTED { &w[..n] } else { w };
+    let mut i = 0;
+    while i < n {
+        let a = [V::load_at(a0, i), V::load_at(a1, i), V::load_at(a2, i)];
+        let mut b = a;
+        if WEIGHTED {
+            let w = V::load_at(w, i);
+            for b in &mut b {
+                *b = b.mul(w);
+            }
         }
-    }
-}
-
-#[inline(always)]
-fn multiply<V: Lanes>(a: [V; TILE], b: [V; TILE], acc: &mut [[V; TILE]; TILE]) {
-    for p in 0..TILE {
-        for q in 0..TILE {
-            acc[p][q] = a[p].mul_add(b[q], acc[p][q]);
+        for p in 0..TILE {
+            for q in p..TILE {
+                acc[p][q] = a[p].mul_add(b[q], acc[p][q]);
+            }
         }
+        i += WIDTH;
     }
+    acc
 }
 
 #[cfg(test)]

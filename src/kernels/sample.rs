@@ -117,6 +117,51 @@ dispatch! {
     ) -> usize = sample_gradient_lanes;
 }
 
+dispatch! {
+    /// What the kernels do where the fast path does not hold, apart from it so that it costs no registers.
+    #[cold]
+    #[inline(never)]
+    fn careful_values(image: Grid2<'_>, border: Border, x: &[f32], y: &[f32], out: &mut [f32]) -> usize =
+        careful_value_lanes;
+    #[cold]
+    #[inline(never)]
+    fn careful(image: Grid2<'_>, border: Border, x: &[f32], y: &[f32], out: [&mut [f32]; 3]) -> usize = careful_lanes;
+}
+
+#[inline(always)]
+fn careful_value_lanes<V: Lanes>(
+    image: Grid2<'_>,
+    border: Border,
+    x: &[f32],
+    y: &[f32],
+    out: &mut [f32],
+) -> usize {
+    let mut outside = 0;
+    for ((out, &x), &y) in out.iter_mut().zip(x).zip(y) {
+        let value = image.point(border, x, y);
+        outside += usize::from(value.is_none());
+        *out = value.map_or(OUTSIDE, |v| v[0]);
+    }
+    outside
+}
+
+#[inline(always)]
+fn careful_lanes<V: Lanes>(
+    image: Grid2<'_>,
+    border: Border,
+    x: &[f32],
+    y: &[f32],
+    [out, gx, gy]: [&mut [f32]; 3],
+) -> usize {
+    let mut outside = 0;
+    for k in 0..x.len() {
+        let value = image.point(border, x[k], y[k]);
+        outside += usize::from(value.is_none());
+        [out[k], gx[k], gy[k]] = value.unwrap_or([OUTSIDE, 0.0, 0.0]);
+    }
+    outside
+}
+
 /// Fractions and the four taps of eight points; `None` when some point needs the careful path.
 #[inline(always)]
 fn taps<V: Lanes>(image: &Grid2<'_>, x: V, y: V, smooth: bool) -> Option<([V; 2], [V; 4])> {
@@ -157,15 +202,8 @@ pub(super) fn sample_lanes<V: Lanes>(
             let lower = dx.mul_add(p11.sub(p01), p01);
             dy.mul_add(lower.sub(upper), upper).store(&mut out[i..]);
         } else {
-            for k in i..n.min(i + WIDTH) {
-                match image.point(border, x[k], y[k]) {
-                    Some([v, _, _]) => out[k] = v,
-                    None => {
-                        outside += 1;
-                        out[k] = OUTSIDE;
-                    }
-                }
-            }
+            let at = i..n.min(i + WIDTH);
+            outside += careful_values(image, border, &x[at.clone()], &y[at.clone()], &mut out[at]);
         }
         i += WIDTH;
     }
@@ -199,13 +237,9 @@ fn sample_gradient_lanes<V: Lanes>(
             dy.mul_add(bottom.sub(top), top).store(&mut gx[i..]);
             down.store(&mut gy[i..]);
         } else {
-            for k in i..n.min(i + WIDTH) {
-                let [v, dx, dy] = image.point(border, x[k], y[k]).unwrap_or_else(|| {
-                    outside += 1;
-                    [OUTSIDE, 0.0, 0.0]
-                });
-                (out[k], gx[k], gy[k]) = (v, dx, dy);
-            }
+            let at = i..n.min(i + WIDTH);
+            let to = [&mut out[at.clone()], &mut gx[at.clone()], &mut gy[at.clone()]];
+            outside += careful(image, border, &x[at.clone()], &y[at], to);
         }
         i += WIDTH;
     }

@@ -28,24 +28,23 @@ pub struct Covectors<'a> {
     pub denominator: Option<[f32; 3]>,
 }
 
-/// Column of a Jacobian as a sparse combination of the nine products `q_r x_c` (index `3 r + c`).
+/// Column of a Jacobian as a combination of the nine products `q_r x_c` (index `3 r + c`).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Column {
-    len: usize,
-    index: [usize; 9],
-    weight: [f32; 9],
+    weights: [f32; 9],
+    /// The only product with a weight, if there is just one.
+    single: Option<usize>,
 }
 
 impl Column {
-    /// From the nine entries of `dM/dp_k`, row-major; zeros are left out.
+    /// From the nine entries of `dM/dp_k`, row-major.
     pub fn new(entries: [f64; 9]) -> Self {
-        let mut c = Column::default();
-        for (i, &e) in entries.iter().enumerate().filter(|(_, e)| **e != 0.0) {
-            c.index[c.len] = i;
-            c.weight[c.len] = e as f32;
-            c.len += 1;
+        let mut nonzero = (0..9).filter(|&i| entries[i] != 0.0);
+        let (first, second) = (nonzero.next(), nonzero.next());
+        Column {
+            weights: entries.map(|e| e as f32),
+            single: first.filter(|_| second.is_none()),
         }
-        c
     }
 }
 
@@ -55,6 +54,9 @@ dispatch! {
         x: &[f32], y: &[f32], q: &Covectors<'_>, columns: &[Column], row: usize, out: &mut Jacobian,
     ) = steepest_lanes;
 }
+
+/// Points whose covectors are kept in the first-level cache while all columns are written.
+const BLOCK: usize = 256;
 
 #[inline(always)]
 fn steepest_lanes<V: Lanes>(
@@ -66,53 +68,143 @@ fn steepest_lanes<V: Lanes>(
     out: &mut Jacobian,
 ) {
     let n = x.len();
-    let (y, gx, gy, px, py) = (&y[..n], &q.gx[..n], &q.gy[..n], &q.px[..n], &q.py[..n]);
-    let a = q.matrix.map(V::splat);
-    let (cx, cy, scale) = (V::splat(q.centre[0]), V::splat(q.centre[1]), V::splat(q.scale));
-    let one = V::splat(1.0);
-    let zero = V::splat(0.0);
-    let denominator = q.denominator.map(|d| d.map(V::splat));
     let (data, stride) = out.data_mut();
+    let mut carried = [[0.0; BLOCK]; 3];
+    let mut start = 0;
+    while start < n {
+        let end = (start + BLOCK).min(n);
+        let [r0, r1, r2] = &mut carried;
+        let len = end - start;
+        let (x, y) = (&x[start..end], &y[start..end]);
+        carry::<V>(x, y, q, start, [&mut r0[..len], &mut r1[..len], &mut r2[..len]]);
+        let rows = [&r0[..len], &r1[..len], &r2[..len]];
+        let mut k = 0;
+        while k < columns.len() {
+            let at = k * stride + row + start;
+            if let Some(r) = whole_row(&columns[k..]) {
+                let (first, rest) = data[at..].split_at_mut(stride);
+                let (second, third) = rest.split_at_mut(stride);
+                let to = [&mut first[..len], &mut second[..len], &mut third[..len]];
+                row_columns::<V>(rows[r], [x, y], to);
+                k += 3;
+                continue;
+            }
+            let to = &mut data[at..at + len];
+            let weights = columns[k].weights.map(V::splat);
+            match columns[k].single {
+                Some(i) if i % 3 == 0 => product_column::<V>(rows[i / 3], x, weights[i], to),
+                Some(i) if i % 3 == 1 => product_column::<V>(rows[i / 3], y, weights[i], to),
+                Some(i) => plain_column::<V>(rows[i / 3], weights[i], to),
+                None => mixed_column::<V>(rows, [x, y], weights, to),
+            }
+            k += 1;
+        }
+        start = end;
+    }
+}
+
+/// `r` where the next three columns are `q_r x`, `q_r y` and `q_r`.
+fn whole_row(columns: &[Column]) -> Option<usize> {
+    let first = columns.first()?.single?;
+    let plain = |k: usize| columns[k].single == Some(first + k) && columns[k].weights[first + k] == 1.0;
+    (first % 3 == 0 && columns.len() >= 3 && (0..3).all(plain)).then_some(first / 3)
+}
+
+/// `r x`, `r y` and `r`.
+#[inline(always)]
+fn row_columns<V: Lanes>(r: &[f32], [x, y]: [&[f32]; 2], [out_x, out_y, out_r]: [&mut [f32]; 3]) {
+    let n = r.len();
+    let (x, y) = (&x[..n], &y[..n]);
+    let (out_x, out_y, out_r) = (&mut out_x[..n], &mut out_y[..n], &mut out_r[..n]);
+    let mut i = 0;
+    while i < n {
+        let v = V::load_at(r, i);
+        v.mul(V::load_at(x, i)).store_at(out_x, i);
+        v.mul(V::load_at(y, i)).store_at(out_y, i);
+        v.store_at(out_r, i);
+        i += WIDTH;
+    }
+}
+
+/// Covectors of the points from `start` on, carried into the base frame.
+#[inline(always)]
+fn carry<V: Lanes>(x: &[f32], y: &[f32], q: &Covectors<'_>, start: usize, out: [&mut [f32]; 3]) {
+    let n = x.len();
+    let at = start..start + n;
+    let (gx, gy) = (&q.gx[at.clone()], &q.gy[at.clone()]);
+    let (px, py) = (&q.px[at.clone()], &q.py[at]);
+    let (y, [r0, r1, r2]) = (&y[..n], out.map(|r| &mut r[..n]));
+    // `q A` with the frame's unit and the sign of the third component in the matrix.
+    let (a, k) = (q.matrix, q.scale);
+    let a = [0, 1, 2].map(|c| [k * a[c], k * a[3 + c], -a[6 + c]]);
+    let a = a.map(|column| column.map(V::splat));
+    let (cx, cy) = (V::splat(q.centre[0]), V::splat(q.centre[1]));
+    let one = V::splat(1.0);
+    let denominator = q.denominator.map(|d| d.map(V::splat));
+    let mut i = 0;
+    while i < n {
+        let (mut g0, mut g1) = (V::load_at(gx, i), V::load_at(gy, i));
+        if let Some(d) = denominator {
+            let (xv, yv) = (V::load_at(x, i), V::load_at(y, i));
+            let inv = one.div(d[0].mul_add(xv, d[1].mul_add(yv, d[2])));
+            (g0, g1) = (g0.mul(inv), g1.mul(inv));
+        }
+        let dx = V::load_at(px, i).sub(cx);
+        let dy = V::load_at(py, i).sub(cy);
+        let q = [g0, g1, g0.mul_add(dx, g1.mul(dy))];
+        product::<V>(q, a[0]).store_at(r0, i);
+        product::<V>(q, a[1]).store_at(r1, i);
+        product::<V>(q, a[2]).store_at(r2, i);
+        i += WIDTH;
+    }
+}
+
+#[inline(always)]
+fn product<V: Lanes>(q: [V; 3], a: [V; 3]) -> V {
+    q[0].mul_add(a[0], q[1].mul_add(a[1], q[2].mul(a[2])))
+}
+
+/// `out = weight r x`.
+#[inline(always)]
+fn product_column<V: Lanes>(r: &[f32], x: &[f32], weight: V, out: &mut [f32]) {
+    let n = out.len();
+    let (r, x) = (&r[..n], &x[..n]);
+    let mut i = 0;
+    while i < n {
+        V::load_at(r, i)
+            .mul(V::load_at(x, i))
+            .mul(weight)
+            .store_at(out, i);
+        i += WIDTH;
+    }
+}
+
+/// `out = weight r`.
+#[inline(always)]
+fn plain_column<V: Lanes>(r: &[f32], weight: V, out: &mut [f32]) {
+    let n = out.len();
+    let r = &r[..n];
+    let mut i = 0;
+    while i < n {
+        V::load_at(r, i).mul(weight).store_at(out, i);
+        i += WIDTH;
+    }
+}
+
+/// `out = Σ_r q_r (w_r0 x + w_r1 y + w_r2)`.
+#[inline(always)]
+fn mixed_column<V: Lanes>(rows: [&[f32]; 3], [x, y]: [&[f32]; 2], w: [V; 9], out: &mut [f32]) {
+    let n = out.len();
+    let (x, y, rows) = (&x[..n], &y[..n], rows.map(|r| &r[..n]));
     let mut i = 0;
     while i < n {
         let (xv, yv) = (V::load_at(x, i), V::load_at(y, i));
-        let (g0, g1) = (V::load_at(gx, i), V::load_at(gy, i));
-        let dx = V::load_at(px, i).sub(cx);
-        let dy = V::load_at(py, i).sub(cy);
-        let mut q0 = g0.mul(scale);
-        let mut q1 = g1.mul(scale);
-        let mut q2 = zero.sub(g0.mul_add(dx, g1.mul(dy)));
-        if let Some(d) = denominator {
-            let inv = one.div(d[0].mul_add(xv, d[1].mul_add(yv, d[2])));
-            (q0, q1, q2) = (q0.mul(inv), q1.mul(inv), q2.mul(inv));
+        let mut sum = V::splat(0.0);
+        for k in 0..3 {
+            let factor = w[3 * k].mul_add(xv, w[3 * k + 1].mul_add(yv, w[3 * k + 2]));
+            sum = V::load_at(rows[k], i).mul_add(factor, sum);
         }
-        let r0 = q0.mul_add(a[0], q1.mul_add(a[3], q2.mul(a[6])));
-        let r1 = q0.mul_add(a[1], q1.mul_add(a[4], q2.mul(a[7])));
-        let r2 = q0.mul_add(a[2], q1.mul_add(a[5], q2.mul(a[8])));
-        let products = [
-            r0.mul(xv),
-            r0.mul(yv),
-            r0,
-            r1.mul(xv),
-            r1.mul(yv),
-            r1,
-            r2.mul(xv),
-            r2.mul(yv),
-            r2,
-        ];
-        for (k, column) in columns.iter().enumerate() {
-            let value = if column.len == 1 && column.weight[0] == 1.0 {
-                products[column.index[0]]
-            } else {
-                let mut v = zero;
-                for t in 0..column.len {
-                    v = products[column.index[t]].mul_add(V::splat(column.weight[t]), v);
-                }
-                v
-            };
-            let at = k * stride + row + i;
-            value.store_at(&mut data[at..at + WIDTH.min(n - i)], 0);
-        }
+        sum.store_at(out, i);
         i += WIDTH;
     }
 }

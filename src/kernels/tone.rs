@@ -45,21 +45,18 @@ dispatch! {
     pub fn tone_bins(a: &[f32], per_level: f32, last: u8, out: &mut [u8]) = bins_lanes;
     /// `[Σ c, Σ c², Σ δ, Σ c δ, Σ δ²]` with `c = a - pivot`, `δ = b - a` over a window of patches of `stride` columns.
     pub fn line_sums(a: &[f32], b: &[f32], pivot: f32, stride: usize, window: Window) -> [f64; 5] = line_sums_lanes;
-    /// Shift `d` of each value, constant within a bin: `tables[w * bins + bin]` for window `w`, blended. `slope`, when
-    /// not empty, receives `dm/dv` from the neighbouring bins.
+    /// Shift `d` of each value, constant within a bin: `tables[w * bins + bin]` for window `w`, blended with the windows'
+    /// [`blend_weights`]. `slope`, when not empty, receives `dm/dv` from the neighbouring bins.
     pub fn step_shift(
-        indices: &[u8], per_level: f32, tables: &[f32], stride: usize, windows: &[Window], out: &mut [f32],
-        slope: &mut [f32],
+        indices: &[u8], per_level: f32, tables: &[f32], weights: &[f32], out: &mut [f32], slope: &mut [f32],
     ) = step_lanes;
     /// The same, interpolated between the centres of the bins.
     pub fn linear_shift(
-        a: &[f32], per_level: f32, tables: &[f32], stride: usize, windows: &[Window], out: &mut [f32],
-        slope: &mut [f32],
+        a: &[f32], per_level: f32, tables: &[f32], weights: &[f32], out: &mut [f32], slope: &mut [f32],
     ) = linear_lanes;
     /// The same with a line `d = lines[w][0] + lines[w][1] (v - pivot)` for each window.
     pub fn line_shift(
-        a: &[f32], pivot: f32, lines: &[[f32; 2]], stride: usize, windows: &[Window], out: &mut [f32],
-        slope: &mut [f32],
+        a: &[f32], pivot: f32, lines: &[[f32; 2]], weights: &[f32], out: &mut [f32], slope: &mut [f32],
     ) = line_lanes;
     /// `out_i = a_i + shift_i - b_i`; returns `Σ out_i²`.
     pub fn shifted_residual(a: &[f32], shift: &[f32], b: &[f32], out: &mut [f32]) -> f64 = residual_lanes;
@@ -102,38 +99,65 @@ fn bins_lanes<V: Lanes>(a: &[f32], per_level: f32, last: u8, out: &mut [u8]) {
 
 #[inline(always)]
 fn line_sums_lanes<V: Lanes>(a: &[f32], b: &[f32], pivot: f32, stride: usize, window: Window) -> [f64; 5] {
-    let mut total = [0.0; 5];
+    // Vectors summed in `f32` before they are widened.
+    const RUN: usize = 64;
+    let pivot = V::splat(pivot);
+    let ramp = V::from_array(std::array::from_fn(|l| l as f32));
+    let (mut total, mut acc, mut run) = ([0.0; 5], [V::splat(0.0); 5], 0);
     for range in window.ranges(stride) {
         let (a, b) = (&a[range.clone()], &b[range]);
-        let mut acc = [V::splat(0.0); 5];
-        let full = a.len() - a.len() % WIDTH;
-        for i in (0..full).step_by(WIDTH) {
-            let (v, o) = (V::load(&a[i..]), V::load(&b[i..]));
-            let (c, d) = (v.sub(V::splat(pivot)), o.sub(v));
+        let mut i = 0;
+        while i < a.len() {
+            let (v, o) = (V::load_at(a, i), V::load_at(b, i));
+            let (mut c, d) = (v.sub(pivot), o.sub(v));
+            if i + WIDTH > a.len() {
+                c = c.mul(ramp.less(V::splat((a.len() - i) as f32)));
+            }
             acc[0] = acc[0].add(c);
             acc[1] = c.mul_add(c, acc[1]);
             acc[2] = acc[2].add(d);
             acc[3] = c.mul_add(d, acc[3]);
             acc[4] = d.mul_add(d, acc[4]);
-            // Long rows are widened now and then.
-            if i % (64 * WIDTH) == 63 * WIDTH {
-                for (t, s) in total.iter_mut().zip(&mut acc) {
-                    *t += s.sum();
-                    *s = V::splat(0.0);
-                }
-            }
-        }
-        for (t, s) in total.iter_mut().zip(&acc) {
-            *t += s.sum();
-        }
-        for (&v, &o) in a[full..].iter().zip(&b[full..]) {
-            let (c, d) = (f64::from(v) - f64::from(pivot), f64::from(o - v));
-            for (t, s) in total.iter_mut().zip([c, c * c, d, c * d, d * d]) {
-                *t += s;
+            i += WIDTH;
+            run += 1;
+            if run == RUN {
+                widen(&mut acc, &mut total);
+                run = 0;
             }
         }
     }
+    widen(&mut acc, &mut total);
     total
+}
+
+#[inline(always)]
+fn widen<V: Lanes>(acc: &mut [V; 5], total: &mut [f64; 5]) {
+    for (t, s) in total.iter_mut().zip(acc) {
+        *t += s.sum();
+        *s = V::splat(0.0);
+    }
+}
+
+/// Weights with which the maps of windows are blended at each point of a patch, window after window:
+/// `1 / (1 + |x - centre|²)`, normalised to a sum of one. Empty where one window has all the weight.
+pub fn blend_weights(windows: &[Window], cols: usize, rows: usize) -> Vec<f32> {
+    if windows.len() == 1 {
+        return Vec::new();
+    }
+    let n = cols * rows;
+    let mut out = vec![0.0; windows.len() * n];
+    for i in 0..n {
+        let (x, y) = ((i % cols) as f32, (i / cols) as f32);
+        let raw = |w: &Window| {
+            let [cx, cy] = w.centre();
+            1.0 / (1.0 + (x - cx).powi(2) + (y - cy).powi(2))
+        };
+        let sum: f32 = windows.iter().map(raw).sum();
+        for (k, w) in windows.iter().enumerate() {
+            out[k * n + i] = raw(w) / sum;
+        }
+    }
+    out
 }
 
 /// A map per window. A trait with always inlined methods, not a closure, so that it takes part in the caller's
@@ -143,44 +167,28 @@ trait Maps<V>: Copy {
     fn at(self, w: usize, i: usize, sloped: bool) -> [V; 2];
 }
 
-/// Blends the windows' maps at each point with weights `1 / (1 + |x - centre|²)`, normalised.
+/// Blends the windows' maps at each point.
 #[inline(always)]
-fn blend<V: Lanes>(
-    stride: usize,
-    windows: &[Window],
-    maps: impl Maps<V>,
-    out: &mut [f32],
-    slope: &mut [f32],
-) {
-    let ramp = V::from_array(std::array::from_fn(|l| l as f32));
+fn blend<V: Lanes>(weights: &[f32], maps: impl Maps<V>, out: &mut [f32], slope: &mut [f32]) {
+    let n = out.len();
     let sloped = !slope.is_empty();
-    for y in 0..out.len() / stride {
-        for x in (0..stride).step_by(WIDTH) {
-            let i = y * stride + x;
-            let column = ramp.add(V::splat(x as f32));
-            let (mut weights, mut shift, mut extra) = (V::splat(0.0), V::splat(0.0), V::splat(0.0));
-            for (k, window) in windows.iter().enumerate() {
-                let [d, s] = maps.at(k, i, sloped);
-                if windows.len() == 1 {
-                    (weights, shift, extra) = (V::splat(1.0), d, s);
-                } else {
-                    let [cx, cy] = window.centre();
-                    let (dx, dy) = (column.sub(V::splat(cx)), y as f32 - cy);
-                    let w = V::splat(1.0).div(dx.mul_add(dx, V::splat(dy * dy + 1.0)));
-                    weights = weights.add(w);
-                    shift = w.mul_add(d, shift);
-                    if sloped {
-                        extra = w.mul_add(s, extra);
-                    }
-                }
-            }
-            let end = (i + WIDTH).min((y + 1) * stride);
-            shift.div(weights).store_at(&mut out[i..end], 0);
-            if sloped {
-                let s = extra.div(weights).add(V::splat(1.0));
-                s.store_at(&mut slope[i..end], 0);
-            }
+    let one = V::splat(1.0);
+    let mut i = 0;
+    while i < n {
+        let [mut shift, mut extra] = [V::splat(0.0); 2];
+        if weights.is_empty() {
+            [shift, extra] = maps.at(0, i, sloped);
         }
+        for (k, weights) in weights.chunks_exact(n).enumerate() {
+            let ([d, s], w) = (maps.at(k, i, sloped), V::load_at(weights, i));
+            shift = w.mul_add(d, shift);
+            extra = w.mul_add(s, extra);
+        }
+        shift.store_at(out, i);
+        if sloped {
+            extra.add(one).store_at(slope, i);
+        }
+        i += WIDTH;
     }
 }
 
@@ -217,19 +225,18 @@ fn step_lanes<V: Lanes>(
     indices: &[u8],
     per_level: f32,
     tables: &[f32],
-    stride: usize,
-    windows: &[Window],
+    weights: &[f32],
     out: &mut [f32],
     slope: &mut [f32],
 ) {
-    let bins = tables.len() / windows.len();
+    let bins = tables.len() / (weights.len() / out.len()).max(1);
     let maps = Steps {
         indices,
         per_level,
         tables,
         bins,
     };
-    blend::<V>(stride, windows, maps, out, slope);
+    blend::<V>(weights, maps, out, slope);
 }
 
 #[derive(Clone, Copy)]
@@ -266,19 +273,18 @@ fn linear_lanes<V: Lanes>(
     a: &[f32],
     per_level: f32,
     tables: &[f32],
-    stride: usize,
-    windows: &[Window],
+    weights: &[f32],
     out: &mut [f32],
     slope: &mut [f32],
 ) {
-    let bins = tables.len() / windows.len();
+    let bins = tables.len() / (weights.len() / out.len()).max(1);
     let maps = Polylines {
         a,
         per_level,
         tables,
         bins,
     };
-    blend::<V>(stride, windows, maps, out, slope);
+    blend::<V>(weights, maps, out, slope);
 }
 
 #[derive(Clone, Copy)]
@@ -302,12 +308,11 @@ fn line_lanes<V: Lanes>(
     a: &[f32],
     pivot: f32,
     lines: &[[f32; 2]],
-    stride: usize,
-    windows: &[Window],
+    weights: &[f32],
     out: &mut [f32],
     slope: &mut [f32],
 ) {
-    blend::<V>(stride, windows, Lines { a, pivot, lines }, out, slope);
+    blend::<V>(weights, Lines { a, pivot, lines }, out, slope);
 }
 
 #[inline(always)]
@@ -407,10 +412,11 @@ mod tests {
 
             let tables: Vec<f32> = (0..windows.len() * BINS).map(|i| value(i, 3) - 128.0).collect();
             let lines: Vec<[f32; 2]> = (0..windows.len()).map(|i| [value(i, 4), value(i, 5) / 255.0 - 0.5]).collect();
+            let weights = blend_weights(&windows, cols, rows);
             let new = || (vec![0.0; n], vec![0.0; n]);
             let ((mut d, mut s), (mut dp, mut sp)) = (new(), new());
-            step_shift(&bins, PER_LEVEL, &tables, cols, &windows, &mut d, &mut s);
-            step_lanes::<Portable>(&bins, PER_LEVEL, &tables, cols, &windows, &mut dp, &mut sp);
+            step_shift(&bins, PER_LEVEL, &tables, &weights, &mut d, &mut s);
+            step_lanes::<Portable>(&bins, PER_LEVEL, &tables, &weights, &mut dp, &mut sp);
             prop_assert_eq!((&d, &s), (&dp, &sp));
             for i in 0..n {
                 let k = usize::from(bins[i]);
@@ -421,10 +427,10 @@ mod tests {
                 let e = 1.0 + blended(&windows, cols, i, rise) / (16.0 * (high - low) as f64);
                 prop_assert!((f64::from(s[i]) - e).abs() < 1e-3);
             }
-            step_shift(&bins, PER_LEVEL, &tables, cols, &windows, &mut dp, &mut []);
+            step_shift(&bins, PER_LEVEL, &tables, &weights, &mut dp, &mut []);
             prop_assert_eq!(&d, &dp);
-            linear_shift(&a, PER_LEVEL, &tables, cols, &windows, &mut d, &mut s);
-            linear_lanes::<Portable>(&a, PER_LEVEL, &tables, cols, &windows, &mut dp, &mut sp);
+            linear_shift(&a, PER_LEVEL, &tables, &weights, &mut d, &mut s);
+            linear_lanes::<Portable>(&a, PER_LEVEL, &tables, &weights, &mut dp, &mut sp);
             prop_assert_eq!((&d, &s), (&dp, &sp));
             for i in 0..n {
                 let p = (f64::from(a[i]) / 16.0 - 0.5).clamp(0.0, (BINS - 1) as f64);
@@ -433,8 +439,8 @@ mod tests {
                 let e = blended(&windows, cols, i, |w| at(w, k) + t * (at(w, k + 1) - at(w, k)));
                 prop_assert!((f64::from(d[i]) - e).abs() < 1e-2);
             }
-            line_shift(&a, 100.0, &lines, cols, &windows, &mut d, &mut s);
-            line_lanes::<Portable>(&a, 100.0, &lines, cols, &windows, &mut dp, &mut sp);
+            line_shift(&a, 100.0, &lines, &weights, &mut d, &mut s);
+            line_lanes::<Portable>(&a, 100.0, &lines, &weights, &mut dp, &mut sp);
             prop_assert_eq!((&d, &s), (&dp, &sp));
             for i in 0..n {
                 let v = f64::from(a[i]) - 100.0;

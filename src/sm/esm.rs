@@ -61,8 +61,8 @@ impl Symmetric {
     }
 
     pub(super) fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
-        (self.j0, self.initial) = initial_self(kit, JacobianKind::Template);
-        self.other = Normal::new(kit.dof());
+        initial_self(kit, JacobianKind::Template, (&mut self.j0, &mut self.initial));
+        self.other.reset(kit.dof());
     }
 
     /// `current` and `template`: kinds of the two Jacobians.

@@ -31,7 +31,8 @@ impl LkMethod for FalkMethod {
     }
     fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
         if kit.hess == Hessian::InitialSelf {
-            self.initial = initial_self(kit, JacobianKind::Template);
+            let (j0, h) = &mut self.initial;
+            initial_self(kit, JacobianKind::Template, (j0, h));
         }
     }
     fn linearise<A: AppearanceModel, S: StateSpaceModel>(

@@ -16,12 +16,11 @@ pub(super) type Constant = (Jacobian, SymMatrix);
 pub(super) fn initial_self<A: AppearanceModel, S: StateSpaceModel>(
     kit: &mut Kit<'_, A, S>,
     kind: JacobianKind,
-) -> Constant {
-    let mut j0 = Jacobian::default();
-    kit.template_jacobian(kind, &mut j0);
-    let mut h = SymMatrix::new(kit.dof());
-    kit.am.self_hessian_into(Side::Template, &j0, &mut h);
-    (j0, h)
+    (j0, h): (&mut Jacobian, &mut SymMatrix),
+) {
+    kit.template_jacobian(kind, j0);
+    h.reset(kit.dof());
+    kit.am.self_hessian_into(Side::Template, j0, h);
 }
 
 /// One forward linearisation, additive or compositional.
@@ -66,7 +65,8 @@ impl LkMethod for FclkMethod {
     }
     fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
         if kit.hess == Hessian::InitialSelf {
-            self.initial = initial_self(kit, JacobianKind::Template);
+            let (j0, h) = &mut self.initial;
+            initial_self(kit, JacobianKind::Template, (j0, h));
         }
     }
     fn linearise<A: AppearanceModel, S: StateSpaceModel>(

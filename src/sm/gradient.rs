@@ -508,10 +508,12 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
             light.start(shape, relative, self.ssm.dof())?;
         }
         let s = self.dof();
-        self.normal = Normal::new(s);
-        self.accepted_normal = Normal::new(s);
-        self.delta = vec![0.0; s];
-        self.accepted = self.ssm.state().to_vec();
+        self.normal.reset(s);
+        self.accepted_normal.reset(s);
+        self.delta.clear();
+        self.delta.resize(s, 0.0);
+        self.accepted.clear();
+        self.accepted.extend_from_slice(self.ssm.state());
         let mut ws = self.workspace();
         let b = &mut *ws;
         self.ssm.warp_into(&mut b.x, &mut b.y);
@@ -531,15 +533,17 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
             self.sampling.sample_warped_gradient(image, &self.ssm, b);
             r = 1.0;
         }
-        let scaled = |values: &[f32], k: f32| values.iter().map(|v| v * k).collect();
-        self.template = Template {
-            gx: scaled(&b.gx, r),
-            gy: scaled(&b.gy, r),
-            ..Template::default()
+        let scale = |values: &[f32], k: f32, out: &mut Vec<f32>| {
+            out.clear();
+            out.extend(values.iter().map(|v| v * k));
         };
+        scale(&b.gx, r, &mut self.template.gx);
+        scale(&b.gy, r, &mut self.template.gy);
         if self.params.second_order {
             let r = self.ssm.radius() as f32;
-            self.template.hessian = std::array::from_fn(|k| scaled(&b.hessian[k], r * r));
+            for (values, out) in b.hessian.iter().zip(&mut self.template.hessian) {
+                scale(values, r * r, out);
+            }
         }
         let (method, mut kit, _) = self.kit(image, &mut ws);
         method.prepare(&mut kit);

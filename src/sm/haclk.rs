@@ -33,7 +33,7 @@ impl LkMethod for HaclkMethod {
         true
     }
     fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
-        self.truth = Normal::new(kit.dof());
+        self.truth.reset(kit.dof());
     }
     fn visit_truth<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
         kit.compute_jacobian(JacobianKind::Warped);

@@ -35,7 +35,7 @@ impl LkMethod for IclkMethod {
         hess == Hessian::CurrentSelf
     }
     fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
-        (self.j0, self.initial) = initial_self(kit, JacobianKind::Template);
+        initial_self(kit, JacobianKind::Template, (&mut self.j0, &mut self.initial));
     }
     fn linearise<A: AppearanceModel, S: StateSpaceModel>(
         &mut self,

@@ -21,6 +21,7 @@ use crate::ssm::{
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
+use rayon::prelude::*;
 
 param_enum! {
     /// Weight of a particle.
@@ -132,6 +133,11 @@ pub struct Pf<A, S> {
     /// Search parameters; changes take effect at the next `init`.
     pub params: PfParams,
     probe: Probe<A, S>,
+    /// With more threads than one: what scores each share of the particles.
+    helpers: Vec<Probe<A, S>>,
+    threads: usize,
+    /// The model has seen the patch at the old place in the new frame.
+    opened: bool,
     sampler: Sampler,
     cloud: Cloud,
     rng: Pcg64,
@@ -140,6 +146,7 @@ pub struct Pf<A, S> {
     scale: [f64; 2],
     /// Estimate, the one before it, the state of the last frame.
     estimate: Vec<f64>,
+    before: Vec<f64>,
     frame_start: Vec<f64>,
     motion: Vec<f64>,
 }
@@ -155,12 +162,16 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
         Pf {
             params,
             probe: Probe::new(sampling, am, ssm),
+            helpers: Vec::new(),
+            threads: 1,
+            opened: false,
             sampler: Sampler::default(),
             cloud: Cloud::default(),
             rng: Pcg64::seed_from_u64(0),
             seed: 0,
             scale: [0.0, 1.0],
             estimate: Vec::new(),
+            before: Vec::new(),
             frame_start: Vec::new(),
             motion: Vec::new(),
         }
@@ -221,23 +232,33 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
             ..
         } = &mut self.cloud;
         let particles = states.chunks_exact_mut(s).zip(last.chunks_exact_mut(s));
-        for (((p, r), score), &set) in particles.zip(scores).zip(&*sets) {
+        for ((p, r), &set) in particles.zip(&*sets) {
             let (ssm, rng) = (&mut self.probe.ssm, &mut self.rng);
-            let moved = self.sampler.transition(set, ssm, dynamics, how, rng, p, r);
             // A particle that cannot move stays.
-            let there = moved.or_else(|_| self.probe.ssm.set_state(p));
-            let f = there.and_then(|()| self.probe.similarity(image, b));
-            *score = match f {
-                Ok(_) if self.params.likelihood == Likelihood::Am => {
-                    libm::log(self.probe.am.likelihood().max(f64::MIN_POSITIVE))
-                }
-                Ok(f) => f,
-                Err(_) => f64::NEG_INFINITY,
-            };
-            if score.is_nan() {
-                *score = f64::NEG_INFINITY;
-            }
+            let _ = self.sampler.transition(set, ssm, dynamics, how, rng, p, r);
         }
+        let likelihood = self.params.likelihood;
+        if self.helpers.is_empty() {
+            score_all(&mut self.probe, likelihood, image, states, scores, b);
+            return;
+        }
+        let share = scores.len().div_ceil(self.helpers.len());
+        let shares = states.par_chunks(share * s).zip(scores.par_chunks_mut(share));
+        let (opened, patch) = (self.opened, &b.values);
+        self.helpers
+            .par_iter_mut()
+            .zip(shares)
+            .for_each(|(probe, (states, scores))| {
+                // Each begins the frame as the tracker itself did.
+                if pass == 0 {
+                    probe.am.begin_frame();
+                    if opened {
+                        probe.am.set_current(patch);
+                    }
+                }
+                let mut ws = probe.workspace();
+                score_all(probe, likelihood, image, states, scores, &mut ws);
+            });
     }
 
     /// Weights from scores; false when no particle has any.
@@ -346,13 +367,13 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
             if !self.weigh() {
                 return Err(TrackError::NotFinite("similarity of all particles"));
             }
-            let from = self.estimate.clone();
+            self.before.copy_from_slice(&self.estimate);
             self.conclude()?;
             self.probe.check(image)?;
             if self.params.adapt_sets {
                 self.reward_sets();
             }
-            let settled = self.probe.ssm.motion_squared(&before, &from) < self.params.epsilon;
+            let settled = self.probe.ssm.motion_squared(&before, &self.before) < self.params.epsilon;
             let last = settled || pass + 1 == self.params.max_iters;
             if self.params.reset_to_mean {
                 if last && self.params.dynamics == Dynamics::Ar1 {
@@ -380,11 +401,35 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
     }
 }
 
+/// Scores of particles at `states`.
+fn score_all<A: AppearanceModel, S: StateSpaceModel>(
+    probe: &mut Probe<A, S>,
+    likelihood: Likelihood,
+    image: &Image,
+    states: &[f64],
+    scores: &mut [f64],
+    b: &mut Buffers,
+) {
+    let s = probe.ssm.dof();
+    for (p, score) in states.chunks_exact(s).zip(scores) {
+        let there = probe.ssm.set_state(p);
+        let f = there.and_then(|()| probe.similarity(image, b));
+        *score = match f {
+            Ok(_) if likelihood == Likelihood::Am => libm::log(probe.am.likelihood().max(f64::MIN_POSITIVE)),
+            Ok(f) => f,
+            Err(_) => f64::NEG_INFINITY,
+        };
+        if score.is_nan() {
+            *score = f64::NEG_INFINITY;
+        }
+    }
+}
+
 fn gcd(a: usize, b: usize) -> usize {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Pf<A, S> {
+impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Pf<A, S> {
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         let image = frame.with_channels(self.channels());
         let mut ws = self.probe.workspace();
@@ -414,11 +459,16 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Pf<A, S> {
             sets: vec![0; n],
         };
         self.estimate = vec![0.0; s];
+        self.before = vec![0.0; s];
         self.frame_start = vec![0.0; s];
         self.motion = vec![0.0; s];
         self.rng = Pcg64::seed_from_u64(self.seed);
         self.rest();
         self.probe.ready();
+        self.helpers.clear();
+        if self.threads > 1 {
+            self.helpers.resize(self.threads.min(n), self.probe.clone());
+        }
         Ok(())
     }
 
@@ -430,7 +480,10 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Pf<A, S> {
         self.probe.am.begin_frame();
         self.frame_start.copy_from_slice(self.probe.ssm.state());
         // The first patch of a frame is the one at the old place: some models estimate the light from it.
-        let _ = self.probe.similarity(image, &mut ws);
+        self.opened = self.probe.look(image, &mut ws).is_ok();
+        if self.opened {
+            self.probe.am.set_current(&ws.values);
+        }
         let found = self
             .search(image, &mut ws)
             .and_then(|done| Ok((done, self.probe.similarity(image, &mut ws)?)));
@@ -443,6 +496,9 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Pf<A, S> {
                 };
                 if learns {
                     self.probe.am.learn(&ws.values);
+                    for helper in &mut self.helpers {
+                        helper.am.learn(&ws.values);
+                    }
                 }
                 Ok(Update {
                     corners: self.probe.ssm.corners(),
@@ -461,6 +517,9 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Pf<A, S> {
 
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
         self.probe.set_region(corners)?;
+        for helper in &mut self.helpers {
+            helper.ssm.clone_from(&self.probe.ssm);
+        }
         self.rest();
         Ok(())
     }
@@ -473,13 +532,18 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Pf<A, S> {
         self.seed = seed;
     }
 
+    fn set_threads(&mut self, threads: usize) {
+        self.threads = threads;
+    }
+
     fn channels(&self) -> usize {
         self.probe.sampling.channels.count()
     }
 
     fn memory(&self) -> usize {
         let particle = 8 * (4 * self.probe.ssm.dof() + 5);
-        self.probe.memory() + particle * self.params.n_particles
+        let probes = if self.threads > 1 { self.threads + 1 } else { 1 };
+        probes * self.probe.memory() + particle * self.params.n_particles
     }
 }
 

@@ -11,6 +11,7 @@ use crate::tracker::TrackError;
 use rand_pcg::Pcg64;
 
 /// An appearance model and a warp looking at images.
+#[derive(Clone)]
 pub(super) struct Probe<A, S> {
     pub sampling: SamplingParams,
     pub am: A,

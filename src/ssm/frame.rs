@@ -1,6 +1,7 @@
 //! The base frame that every model works in: origin, scale, corners and sampling grid at initialisation.
 
 use crate::geom::{Corners, Mat3, homography};
+use crate::kernels;
 use crate::params::Resolution;
 use crate::tracker::TrackError;
 
@@ -63,22 +64,10 @@ impl BaseFrame {
         let square = Corners::rect(-0.5, -0.5, 1.0, 1.0);
         self.from_square = homography::from_corners(&square, &self.corners)
             .ok_or(TrackError::BadRegion("corners are not a convex quadrilateral"))?;
-        self.x.clear();
-        self.y.clear();
-        let step = |i: usize, n: usize| {
-            if n > 1 {
-                i as f64 / (n - 1) as f64 - 0.5
-            } else {
-                0.0
-            }
-        };
-        for row in 0..res.rows {
-            for col in 0..res.cols {
-                let [x, y] = homography::apply(&self.from_square, [step(col, res.cols), step(row, res.rows)]);
-                self.x.push(x as f32);
-                self.y.push(y as f32);
-            }
-        }
+        self.x.resize(res.len(), 0.0);
+        self.y.resize(res.len(), 0.0);
+        let m = std::array::from_fn(|i| self.from_square[(i / 3, i % 3)] as f32);
+        kernels::regular_grid(&m, res.cols, res.rows, &mut self.x, &mut self.y);
         self.res = Some(res);
         Ok(())
     }

@@ -108,10 +108,24 @@ pub struct FreeForm<B> {
     bending: SymMatrix,
     /// `w_x` (four numbers per point) and gradients carried through it.
     scratch: RefCell<[Vec<f32>; 6]>,
+    fit: RefCell<FitScratch>,
     /// Warped control points, and what of their displacement is beyond the motion of a plane.
     bend: RefCell<(Vec<[f64; 2]>, Vec<[f64; 2]>)>,
     /// The latter as expected for the present frame.
     expected: Vec<[f64; 2]>,
+}
+
+/// Scratch of fits to point pairs.
+#[derive(Clone, Debug, Default)]
+struct FitScratch {
+    pairs: Vec<([f64; 2], [f64; 2])>,
+    from: Vec<[f64; 2]>,
+    to: Vec<[f64; 2]>,
+    h: SymMatrix,
+    rhs: [Vec<f64>; 2],
+    row: Vec<Weight>,
+    d: Vec<f64>,
+    work: Vec<f64>,
 }
 
 /// Sums of squared second differences of a net: along rows, along columns, and twice the mixed ones.
@@ -274,21 +288,28 @@ impl<B: Basis> FreeForm<B> {
         p: &mut [f64],
     ) -> Result<(), TrackError> {
         let n = self.basis.control().len();
+        let FitScratch {
+            h, rhs, row, d, work, ..
+        } = &mut *self.fit.borrow_mut();
+        h.reset(n);
+        for values in rhs.iter_mut().chain([&mut *d]) {
+            values.clear();
+            values.resize(n, 0.0);
+        }
+        row.resize(n, Weight::default());
+        work.resize(n * n + n, 0.0);
         for (d, p) in self.carried(plane).zip(p.chunks_exact_mut(2)) {
             p.copy_from_slice(&d);
         }
-        let mut h = SymMatrix::new(n);
-        let mut rhs = [vec![0.0; n], vec![0.0; n]];
-        let mut row = vec![Weight::default(); n];
         for (_, (x, u)) in pairs.iter().enumerate().filter(|(i, _)| keep(*i)) {
-            let w = self.warp(p, *x, &mut row);
+            let w = self.warp(p, *x, row);
             h.fill_from(|k, l, sum| sum - row[k].w * row[l].w);
             for c in 0..2 {
                 let r = u[c] - w[c];
-                rhs[c].iter_mut().zip(&row).for_each(|(b, w)| *b -= w.w * r);
+                rhs[c].iter_mut().zip(&*row).for_each(|(b, w)| *b -= w.w * r);
             }
         }
-        let diagonal = mean_diagonal(&h);
+        let diagonal = mean_diagonal(h);
         if diagonal <= 0.0 {
             return Err(NO_FIT);
         }
@@ -296,22 +317,24 @@ impl<B: Basis> FreeForm<B> {
         let pull = diagonal * 1e-9;
         let bending = FIT_PENALTY * diagonal;
         h.fill_from(|k, l, v| v - bending * self.bending.get(k, l) - if k == l { pull } else { 0.0 });
-        let (mut d, mut work) = (vec![0.0; n], vec![0.0; n * n + n]);
         for c in 0..2 {
-            if !solve_negative(&h, 0.0, &rhs[c], &mut d, &mut work) {
+            if !solve_negative(h, 0.0, &rhs[c], d, work) {
                 return Err(NO_FIT);
             }
-            p.iter_mut().skip(c).step_by(2).zip(&d).for_each(|(p, d)| *p += d);
+            p.iter_mut()
+                .skip(c)
+                .step_by(2)
+                .zip(&*d)
+                .for_each(|(p, d)| *p += d);
         }
         Ok(())
     }
 
-    fn pairs(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Vec<([f64; 2], [f64; 2])> {
+    fn pairs(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> impl Iterator<Item = ([f64; 2], [f64; 2])> {
         let frame = &self.frame;
         from.iter()
             .zip(to)
             .map(|(a, b)| (frame.point_to_frame(*a), frame.point_to_frame(*b)))
-            .collect()
     }
 
     /// Computes what the control points do beyond the motion of the plane that fits them best.
@@ -415,10 +438,27 @@ impl<B: Basis> StateSpaceModel for FreeForm<B> {
     }
 
     fn fit_into(&self, from: &[[f64; 2]], to: &[[f64; 2]], p: &mut [f64]) -> Result<(), TrackError> {
-        let pairs = self.pairs(from, to);
-        let (a, b): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
-        let plane = homography::from_points(&a, &b).or_else(|| Moments::new(&a, &b)?.affine());
-        self.solve(&plane.ok_or(NO_FIT)?, &pairs, |_| true, p)
+        let mut scratch = self.fit.take();
+        let FitScratch {
+            pairs,
+            from: a,
+            to: b,
+            ..
+        } = &mut scratch;
+        pairs.clear();
+        pairs.extend(self.pairs(from, to));
+        a.clear();
+        a.extend(pairs.iter().map(|pair| pair.0));
+        b.clear();
+        b.extend(pairs.iter().map(|pair| pair.1));
+        let plane = homography::from_points(a, b).or_else(|| Moments::new(a, b)?.affine());
+        let pairs = std::mem::take(pairs);
+        self.fit.replace(scratch);
+        let solved = plane
+            .ok_or(NO_FIT)
+            .and_then(|plane| self.solve(&plane, &pairs, |_| true, p));
+        self.fit.borrow_mut().pairs = pairs;
+        solved
     }
 
     /// Outliers are those of a plane at first (three times the threshold, for the bend), then those of the warp itself.
@@ -433,7 +473,7 @@ impl<B: Basis> StateSpaceModel for FreeForm<B> {
         let plane = estimator.estimate(&Plane, from, to);
         estimator.params.est_thresh = thresh;
         let plane = self.frame.matrix_to_frame(&plane?);
-        let pairs = self.pairs(from, to);
+        let pairs: Vec<_> = self.pairs(from, to).collect();
         let mut row = vec![Weight::default(); self.basis.control().len()];
         let mut errors = Vec::with_capacity(pairs.len());
         let mut p = self.p.clone();

@@ -89,6 +89,7 @@ use crate::geom::{Corners, Mat3};
 use crate::kernels::Jacobian;
 use crate::params::{Assignment, Built, ParamInfo, Params, Resolution};
 use crate::tracker::TrackError;
+use dyn_clone::DynClone;
 
 /// Every state space model of the crate, in the order of the documentation.
 pub const SSMS: &[SsmEntry] = &[
@@ -189,7 +190,7 @@ pub struct Points<'a> {
 /// A parametric family of warps with its state.
 ///
 /// Methods that change the state leave it as it was when they fail. None but `init` and `rebase` allocates.
-pub trait StateSpaceModel: Send {
+pub trait StateSpaceModel: Send + DynClone {
     /// Number of parameters S.
     fn dof(&self) -> usize;
 
@@ -312,7 +313,9 @@ pub trait StateSpaceModel: Send {
     fn memory(&self) -> usize;
 }
 
-impl<T: StateSpaceModel + ?Sized> StateSpaceModel for Box<T> {
+dyn_clone::clone_trait_object!(StateSpaceModel);
+
+impl StateSpaceModel for Box<dyn StateSpaceModel> {
     fn dof(&self) -> usize {
         (**self).dof()
     }
