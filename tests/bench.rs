@@ -33,7 +33,9 @@ fn measures_saves_compares_and_draws() {
     .success()
     .stdout(
         contains("us/iteration")
-            .and(contains("refused: esm/sad/homography: sad has no derivatives"))
+            .and(contains(
+                "refused: esm/sad/homography{res=20x20}: sad has no derivatives",
+            ))
             .and(contains("rustc 1.")),
     );
     let saved: Value = serde_json::from_slice(&fs::read(dir.join("ours.json")).unwrap()).unwrap();

@@ -68,7 +68,10 @@ fn finds_the_tracker_that_changed() {
     assert_eq!((&found["units"], &found["trackers"]), (&36.into(), &3.into()));
     let changed = found["changed"].as_array().unwrap();
     assert_eq!(changed.len(), 1, "{changed:?}");
-    assert_eq!(changed[0]["tracker"], "pf/ssd/homography{n_particles=40}");
+    assert_eq!(
+        changed[0]["tracker"],
+        "pf/ssd/homography{n_particles=40,res=20x20}"
+    );
     assert_eq!(changed[0]["figures"][0]["figure"], "auc");
     assert_eq!(found["settings"][0], "seed: 0 -> 1");
     let table = program(dir)
@@ -227,4 +230,31 @@ fn the_gate_reports_to_ci_services() {
             .and(contains("-0.5000"))
             .and(contains("updated; 1 worse")),
     );
+}
+
+/// The commands of docs/ci.md, in their order, as they stand there.
+#[test]
+fn the_page_on_ci_works_as_written() {
+    let page = include_str!("../docs/ci.md");
+    let dir = tempfile::tempdir().unwrap();
+    let commands: Vec<&str> = page
+        .lines()
+        .filter_map(|l| l.strip_prefix("    mtf-eval "))
+        .collect();
+    assert!(commands.len() >= 5, "{commands:?}");
+    for command in commands {
+        let words = command.split_whitespace();
+        program(dir.path()).args(words).arg("-q").assert().success();
+    }
+    let tolerances = page
+        .split("```toml\n")
+        .nth(1)
+        .and_then(|t| t.split("```").next())
+        .unwrap();
+    fs::write(dir.path().join("check.toml"), tolerances).unwrap();
+    program(dir.path())
+        .args(["check", "results/now", "--baseline", "baseline.json"])
+        .assert()
+        .success()
+        .stdout(contains("2 overrides"));
 }

@@ -3,7 +3,6 @@
 use super::args::{SelectionArgs, TrackerArgs, at_least_one, positive};
 use super::run::{expand, sequences, stop_on_signals};
 use super::{Console, Failure, Outcome, exit, print};
-use mtf_eval::eval::baseline::recordable;
 use mtf_eval::eval::bench::{self, BenchRequest, BenchRow, Measurement, SCHEMA_VERSION};
 use mtf_eval::eval::machine::Machine;
 use mtf_eval::eval::plan::sequence_id;
@@ -13,17 +12,19 @@ use mtf_eval::registry::Registry;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::time::Duration;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
 /// Frames of each sequence that are kept in memory unless --max-frames says otherwise.
 const MOST_FRAMES: usize = 300;
+/// Time between two notes on progress.
+const TELL_EVERY: Duration = Duration::from_secs(5);
 
 /// Measure the speed of trackers on one core
 ///
 /// The time of each update alone, over frames that are decoded and filtered beforehand; the least of several passes for
-/// each frame, because that is what the machine can do undisturbed. Settings and defaults are those of `run`. On a machine
-/// with other work to do, `taskset -c N` keeps the program on one core.
+/// each frame, because that is what the machine can do undisturbed. Settings and defaults are those of `run`, but for
+/// --max-frames, which is 300. On a machine with other work to do, `taskset -c N` keeps the program on one core.
 #[derive(clap::Args, Debug)]
 pub struct BenchArgs {
     /// Folders with sequences and ground truth [default: the embedded data set `builtin`]
@@ -86,11 +87,12 @@ pub fn run(args: &BenchArgs, console: &Console) -> Outcome {
         .num_threads(1)
         .build()
         .map_err(Failure::usage)?;
-    let told = std::sync::atomic::AtomicUsize::new(0);
+    let told = Mutex::new(Instant::now());
     let progress = |share: f64| {
-        let tenth = (10.0 * share) as usize;
-        if tenth > told.swap(tenth, std::sync::atomic::Ordering::Relaxed) {
-            console.note(&format!("{} %", 10 * tenth));
+        let mut last = told.lock().unwrap_or_else(|e| e.into_inner());
+        if last.elapsed() > TELL_EVERY {
+            *last = Instant::now();
+            console.note(&format!("{:.0} %", 100.0 * share));
         }
     };
     let (rows, failed) = pool
@@ -102,11 +104,10 @@ pub fn run(args: &BenchArgs, console: &Console) -> Outcome {
                 "stopped; a measurement cannot be resumed, run it again",
             )
         })?;
-    let command: Vec<String> = std::env::args().collect();
     let measured = Measurement {
         schema_version: SCHEMA_VERSION,
         machine,
-        command: recordable(&command),
+        command: std::env::args().skip(1).collect(),
         sequences: request.sequences.iter().map(sequence_id).collect(),
         rows,
         refused: refused.into_iter().map(|r| (r.id, r.reason)).collect(),
