@@ -12,8 +12,8 @@ use std::process::ExitCode;
 ///
 /// First what is equal to the last digit, tracker by tracker and sequence by sequence. For each tracker that changed: the
 /// figures in both runs, the 95 % interval of their difference over sequences (a paired bootstrap) and `q`, the p value
-/// adjusted for the number of changed trackers. `~` stands where the interval spans 0 or q exceeds --fdr: other sequences
-/// might show the opposite. Exit code 11: the runs have another protocol, other data or other thresholds.
+/// adjusted for the number of changed trackers and figures. `~` stands where the interval spans 0 or q exceeds --fdr:
+/// other sequences might show the opposite. Exit code 11: the runs have another protocol, other data or other thresholds.
 #[derive(clap::Args, Debug)]
 pub struct CompareArgs {
     /// Run directories; each is compared with the first

@@ -199,7 +199,7 @@ pub struct FigureChange {
     pub interval: [f64; 2],
     /// Probability of a difference at least as large by chance.
     pub p: f64,
-    /// `p` adjusted for the number of changed trackers.
+    /// `p` adjusted for the number of changed trackers and of figures.
     pub q: f64,
     /// What to make of it.
     pub verdict: Verdict,
@@ -422,24 +422,14 @@ fn pair(units: &[(&SequenceRow, &SequenceRow)], figure: &str, average: Average) 
     })
 }
 
-/// Adjusts the p values of each figure over all trackers, settles the verdicts, and sorts.
+/// Adjusts the p values over all trackers and figures together, settles the verdicts, and sorts.
 fn judge(changed: &mut [TrackerChange], fdr: f64) {
-    let figures: BTreeSet<String> = changed
-        .iter()
-        .flat_map(|c| c.figures.iter().map(|f| f.figure.clone()))
-        .collect();
-    for name in figures {
-        let mut of_figure: Vec<&mut FigureChange> = changed
-            .iter_mut()
-            .flat_map(|c| &mut c.figures)
-            .filter(|f| f.figure == name)
-            .collect();
-        let q = benjamini_hochberg(&of_figure.iter().map(|f| f.p).collect::<Vec<_>>());
-        for (figure, q) in of_figure.iter_mut().zip(q) {
-            figure.q = q;
-            if q > fdr {
-                figure.verdict = Verdict::Unclear;
-            }
+    let mut figures: Vec<&mut FigureChange> = changed.iter_mut().flat_map(|c| &mut c.figures).collect();
+    let q = benjamini_hochberg(&figures.iter().map(|f| f.p).collect::<Vec<_>>());
+    for (figure, q) in figures.iter_mut().zip(q) {
+        figure.q = q;
+        if q > fdr {
+            figure.verdict = Verdict::Unclear;
         }
     }
     let unclear = |c: &TrackerChange| c.figures.iter().all(|f| f.verdict == Verdict::Unclear);

@@ -168,7 +168,7 @@ pub fn benjamini_hochberg(p: &[f64]) -> Vec<f64> {
     let mut least: f64 = 1.0;
     for (k, &i) in order.iter().enumerate() {
         let rank = (p.len() - k) as f64;
-        least = least.min(p[i] * p.len() as f64 / rank);
+        least = least.min(p[i] * (p.len() as f64 / rank));
         q[i] = least;
     }
     q

@@ -251,40 +251,39 @@ fn two_seeds_of_one_tracker_seldom_differ_significantly() {
         resamples: 500,
         ..Options::default()
     };
-    // Significant at all in one of the trackers; intervals that leave out 0; the same before the q values.
-    let (mut pairs, mut figures, mut intervals) = ([0; 3], 0, 0);
-    let mut found_gain = 0;
+    // Pairs with anything significant; significant figures; intervals that leave out 0 before any adjustment.
+    let (mut pairs, mut significant, mut intervals, mut figures, mut gains) = (0, 0, 0, 0, 0);
     for _ in 0..PAIRS {
+        // Most trackers follow some sequences to the end every time; the first has room for a gain everywhere.
+        let top = |t: usize| if t == 0 { 0.7 } else { 1.1 };
         let level: Vec<Vec<f64>> = (0..12)
-            .map(|_| (0..13).map(|_| rng.random_range(0.4..0.9)).collect())
+            .map(|t| (0..13).map(|_| rng.random_range(0.4..top(t))).collect())
             .collect();
         let a = stochastic(&level, &mut rng, 0.0);
         let found = compare(&a, &stochastic(&level, &mut rng, 0.0), &options).unwrap();
         assert_eq!(found.changed.len(), 12);
-        for (k, wrong) in pairs.iter_mut().enumerate() {
-            let significant = |c: &TrackerChange| c.figures[k].verdict != Verdict::Unclear;
-            *wrong += usize::from(found.changed.iter().any(significant));
-        }
-        for figure in found.changed.iter().flat_map(|c| &c.figures) {
-            figures += 1;
-            intervals += usize::from(figure.interval[0] > 0.0 || figure.interval[1] < 0.0);
-        }
+        let all: Vec<&FigureChange> = found.changed.iter().flat_map(|c| &c.figures).collect();
+        let wrong = all.iter().filter(|f| f.verdict != Verdict::Unclear).count();
+        let apart = |f: &&&FigureChange| f.interval[0] > 0.0 || f.interval[1] < 0.0;
+        pairs += usize::from(wrong > 0);
+        significant += wrong;
+        intervals += all.iter().filter(apart).count();
+        figures += all.len();
         let found = compare(&a, &stochastic(&level, &mut rng, 0.25), &options).unwrap();
         let better = |c: &TrackerChange| c.tracker == "pf0" && c.figures[0].verdict == Verdict::Better;
-        found_gain += usize::from(found.changed.iter().any(better));
+        gains += usize::from(found.changed.iter().any(better));
     }
-    let rates = pairs.map(|n| n as f64 / PAIRS as f64);
-    let interval_rate = intervals as f64 / figures as f64;
+    let share = |n: usize, of: usize| n as f64 / of as f64;
     println!(
-        "{PAIRS} pairs of seeds, 12 trackers, 13 sequences: any significant change in {:.3} (auc), {:.3} (sr_5), {:.3} \
-         (al_mean) of the pairs at --fdr 0.05; intervals of single trackers leave out 0 in {interval_rate:.3}; a true \
-         gain of 0.25 is found in {:.3}",
-        rates[0],
-        rates[1],
-        rates[2],
-        found_gain as f64 / PAIRS as f64
+        "{PAIRS} pairs of seeds, 12 trackers, 13 sequences, 3 figures, --fdr 0.05: something significant in {:.3} of the \
+         pairs, {:.4} of the figures significant, {:.3} of the intervals leave out 0; a true gain is found in {:.3}",
+        share(pairs, PAIRS),
+        share(significant, figures),
+        share(intervals, figures),
+        share(gains, PAIRS)
     );
-    assert!(rates.iter().all(|rate| *rate <= 0.05), "{rates:?}");
-    assert!(interval_rate <= 0.06, "{interval_rate}");
-    assert!(found_gain as f64 >= 0.8 * PAIRS as f64);
+    assert!(share(pairs, PAIRS) <= 0.05);
+    // A lost object is an outlier, which costs intervals over few sequences some of their coverage.
+    assert!(share(intervals, figures) <= 0.1);
+    assert!(share(gains, PAIRS) >= 0.8);
 }
