@@ -1,7 +1,9 @@
 //! The command line as typed: structures for clap and the little grammars of their values. No logic.
 
 use super::basin::BasinArgs;
+use super::bench::BenchArgs;
 use super::check::CheckArgs;
+use super::compare::CompareArgs;
 use super::data::DataArgs;
 use super::diagnose::DiagnoseArgs;
 use super::synth::SynthArgs;
@@ -90,12 +92,16 @@ pub enum Command {
     Run(Box<RunArgs>),
     /// Compare a run with a recorded baseline: exit 0 or 10
     Check(CheckArgs),
+    /// Compare runs: what changed, and whether it is more than chance
+    Compare(CompareArgs),
     /// Render an image sequence with exact ground truth, from any image or a texture drawn by code
     Synth(Box<SynthArgs>),
     /// Compare analytic derivatives with central differences: exit 0 or 10
     Diagnose(DiagnoseArgs),
     /// Measure how far from the truth trackers may start
     Basin(BasinArgs),
+    /// Measure the speed of trackers on one core
+    Bench(Box<BenchArgs>),
     /// What exists: models, trackers, parameters, metrics, data
     List(ListArgs),
     /// Look into data sets and find what is wrong with them
@@ -321,7 +327,7 @@ fn non_negative(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected a number, 0 or more".into())
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+pub(super) fn positive(text: &str) -> Result<f64, String> {
     let value = text.trim().parse().ok();
     let value = value.filter(|v: &f64| *v > 0.0 && *v < 1e12);
     value.ok_or_else(|| "expected a number above 0".into())
@@ -334,7 +340,7 @@ fn at_least(least: usize, text: &str) -> Result<usize, String> {
         .ok_or_else(|| format!("expected a whole number, {least} or more"))
 }
 
-fn at_least_one(text: &str) -> Result<usize, String> {
+pub(super) fn at_least_one(text: &str) -> Result<usize, String> {
     at_least(1, text)
 }
 

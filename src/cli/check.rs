@@ -1,12 +1,14 @@
 //! `mtf-eval check`: the regression gate.
 
+mod report;
+
 use anyhow::{Context, bail, ensure};
-use mtf_eval::eval::baseline::{Baseline, Figure, Key, recorded_command};
-use mtf_eval::eval::gate::{Change, Comparison, Tolerances, Verdict};
-use mtf_eval::output::{Format, read_summary, render};
-use std::collections::BTreeSet;
+use mtf_eval::eval::baseline::{Baseline, recorded_command};
+use mtf_eval::eval::gate::{Change, Tolerances};
+use mtf_eval::output::{Format, junit, read_summary, write_atomic};
+use report::{Report, json};
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Compare a run with a recorded baseline
@@ -21,7 +23,8 @@ pub struct CheckArgs {
     /// Baseline file (JSON)
     #[arg(long, value_name = "FILE")]
     pub baseline: PathBuf,
-    /// Tolerances (TOML: sr_5, auc, al_median); default: check.toml beside the baseline, if there is one
+    /// Tolerances (TOML: sr_5, auc, al_median, and [[override]] tables for some trackers or sequences); default: check.toml
+    /// beside the baseline, if there is one
     #[arg(long, value_name = "FILE")]
     pub tolerances: Option<PathBuf>,
     /// Largest fall of SR@5 [default: 0.01]
@@ -36,9 +39,18 @@ pub struct CheckArgs {
     /// Replace the baseline by this run's figures and show what changes
     #[arg(long)]
     pub update_baseline: bool,
+    /// Write a JUnit XML report: a test suite per tracker, a test case per sequence
+    #[arg(long, value_name = "FILE", conflicts_with = "update_baseline")]
+    pub junit: Option<PathBuf>,
+    /// Write a summary in Markdown. Where $GITHUB_STEP_SUMMARY names a file, the summary is appended there as well
+    #[arg(long, value_name = "FILE")]
+    pub summary_md: Option<PathBuf>,
     /// Form of the list of changes
     #[arg(long, value_enum, default_value_t)]
     pub format: Format,
+    /// How many changes tables show (0: all)
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    pub top: usize,
 }
 
 fn tolerance(s: &str) -> Result<f64, String> {
@@ -64,6 +76,7 @@ impl CheckArgs {
             sr_5: self.tol_sr5.unwrap_or(file.sr_5),
             auc: self.tol_auc.unwrap_or(file.auc),
             al_median: self.tol_median.unwrap_or(file.al_median),
+            overrides: file.overrides,
         })
     }
 }
@@ -104,8 +117,14 @@ pub fn run(
 
     let mut out = std::io::stdout().lock();
     if args.update_baseline {
-        let report = update(args, old.as_ref(), &now)?;
-        write!(out, "{report}")?;
+        now.write(&args.baseline)?;
+        let update = Update {
+            name: args.baseline.display().to_string(),
+            old: old.as_ref(),
+            now: &now,
+        };
+        write!(out, "{}", update.text(args.format, args.top))?;
+        summarise(args, &update.text(Format::Md, args.top))?;
         let failed = results.failed_runs();
         if failed > 0 {
             eprintln!("warning: {failed} failed runs are now part of the baseline");
@@ -116,166 +135,81 @@ pub fn run(
         bail!("{} does not exist", args.baseline.display())
     };
     let comparison = old.compare(&now, &tolerances);
-    write!(out, "{}", report(&comparison, &tolerances, args.format))?;
+    let report = Report {
+        comparison: &comparison,
+        tolerances: &tolerances,
+        top: args.top,
+    };
+    write!(out, "{}", report.text(args.format))?;
+    if let Some(path) = &args.junit {
+        let xml = junit(&old, &comparison, &tolerances)?;
+        write_atomic(path, |w| w.write_all(xml.as_bytes()))?;
+    }
+    summarise(args, &report.markdown(&dir))?;
     Ok(ExitCode::from(comparison.verdict().exit_code()))
 }
 
-/// Writes the new baseline and says what changes.
-fn update(args: &CheckArgs, old: Option<&Baseline>, now: &Baseline) -> anyhow::Result<String> {
-    now.write(&args.baseline)?;
-    let name = args.baseline.display();
-    let Some(old) = old else {
-        return Ok(format!("{name}: recorded {} lines\n", now.figures.len()));
-    };
-    let diff = old.compare(now, &Tolerances::NONE);
-    let changes: Vec<&Change> = diff
-        .drops
-        .iter()
-        .chain(&diff.improved)
-        .chain(&diff.unjudged)
-        .collect();
-    let mut text = String::new();
-    if args.format == Format::Json {
-        return Ok(json(&diff, None));
+/// Writes the summary where the user and the CI service want it.
+fn summarise(args: &CheckArgs, markdown: &str) -> anyhow::Result<()> {
+    if let Some(path) = &args.summary_md {
+        write_atomic(path, |w| w.write_all(markdown.as_bytes()))?;
     }
-    if !changes.is_empty() {
-        text += &changes_table(&changes, "new", args.format);
-        text.push('\n');
+    if let Some(path) = std::env::var_os("GITHUB_STEP_SUMMARY").filter(|p| !p.is_empty()) {
+        let path = Path::new(&path);
+        let file = std::fs::OpenOptions::new().create(true).append(true).open(path);
+        file.and_then(|mut file| writeln!(file, "{markdown}"))
+            .with_context(|| format!("cannot append to {}", path.display()))?;
     }
-    text += &keys("removed", &diff.missing);
-    text += &keys("added", &diff.added);
-    if old.command != now.command {
-        text += &format!(
-            "command: {}\n      -> {}\n",
-            old.command.join(" "),
-            now.command.join(" ")
-        );
-    }
-    text += &format!(
-        "{name}: updated; {} worse, {} better, {} over other frames, {} unchanged, {} added, {} removed\n",
-        diff.drops.len(),
-        diff.improved.len(),
-        diff.unjudged.len(),
-        diff.unchanged,
-        diff.added.len(),
-        diff.missing.len()
-    );
-    Ok(text)
+    Ok(())
 }
 
-/// The changes as rows of text.
-fn changes_table(changes: &[&Change], now: &str, format: Format) -> String {
-    let header = ["tracker", "sequence", "figure", "baseline", now, "change"];
-    let rows: Vec<Vec<String>> = changes
-        .iter()
-        .map(|c| {
-            let figure = |v: f64| {
-                if v.is_nan() {
-                    "-".to_owned()
-                } else {
-                    format!("{v:.4}")
-                }
-            };
-            let change = c.now - c.baseline;
-            let change = if change.is_nan() {
-                "-".to_owned()
-            } else {
-                format!("{change:+.4}")
-            };
-            let (baseline, now) = (figure(c.baseline), figure(c.now));
-            vec![
-                c.key.tracker.clone(),
-                c.key.place(),
-                c.figure.name().to_owned(),
-                baseline,
-                now,
-                change,
-            ]
-        })
-        .collect();
-    render(&header, &rows, format, false)
+/// A baseline replaced by another.
+struct Update<'a> {
+    name: String,
+    old: Option<&'a Baseline>,
+    now: &'a Baseline,
 }
 
-/// One line per key, at most twenty.
-fn keys(what: &str, keys: &[Key]) -> String {
-    const SHOWN: usize = 20;
-    let mut text: String = keys
-        .iter()
-        .take(SHOWN)
-        .map(|k| format!("{what}: {} on {}\n", k.tracker, k.place()))
-        .collect();
-    if keys.len() > SHOWN {
-        text += &format!("{what}: {} more\n", keys.len() - SHOWN);
+impl Update<'_> {
+    /// What changes.
+    fn text(&self, format: Format, top: usize) -> String {
+        let (name, now) = (&self.name, self.now);
+        let Some(old) = self.old else {
+            return format!("{name}: recorded {} lines\n", now.figures.len());
+        };
+        let diff = old.compare(now, &Tolerances::NONE);
+        if format == Format::Json {
+            return json(&diff, None);
+        }
+        let changes: Vec<&Change> = diff
+            .drops
+            .iter()
+            .chain(&diff.improved)
+            .chain(&diff.unjudged)
+            .collect();
+        let mut text = report::changes(&changes, "new", format, top);
+        if format == Format::Csv {
+            return text;
+        }
+        text += &report::keys("removed", &diff.missing);
+        text += &report::keys("added", &diff.added);
+        if old.command != now.command {
+            text += &format!(
+                "command: {}\n      -> {}\n",
+                old.command.join(" "),
+                now.command.join(" ")
+            );
+        }
+        text + &format!(
+            "{name}: updated; {} worse, {} better, {} over other frames, {} unchanged, {} added, {} removed\n",
+            diff.drops.len(),
+            diff.improved.len(),
+            diff.unjudged.len(),
+            diff.unchanged,
+            diff.added.len(),
+            diff.missing.len()
+        )
     }
-    text
-}
-
-fn json(comparison: &Comparison, tolerances: Option<&Tolerances>) -> String {
-    let change = |c: &Change| {
-        serde_json::json!({
-            "tracker": c.key.tracker, "dataset": c.key.dataset, "sequence": c.key.sequence, "start": c.key.start,
-            "figure": c.figure, "baseline": c.baseline, "now": c.now,
-        })
-    };
-    let changes = |list: &[Change]| list.iter().map(change).collect::<Vec<_>>();
-    let value = serde_json::json!({
-        "passed": comparison.verdict() == Verdict::Passed,
-        "exit_code": comparison.verdict().exit_code(),
-        "tolerances": tolerances,
-        "drops": changes(&comparison.drops),
-        "improved": changes(&comparison.improved),
-        "unjudged": changes(&comparison.unjudged),
-        "unchanged": comparison.unchanged,
-        "failed": comparison.failed,
-        "missing": comparison.missing,
-        "added": comparison.added,
-        "not_comparable": comparison.not_comparable,
-    });
-    format!("{value:#}\n")
-}
-
-/// What `check` prints: drops, what is missing, and one line that says how it went.
-fn report(comparison: &Comparison, tolerances: &Tolerances, format: Format) -> String {
-    let drops: Vec<&Change> = comparison.drops.iter().collect();
-    match format {
-        Format::Json => return json(comparison, Some(tolerances)),
-        Format::Csv => return changes_table(&drops, "now", format),
-        Format::Table | Format::Md => {}
-    }
-    let mut text = String::new();
-    if !drops.is_empty() {
-        text += &changes_table(&drops, "now", format);
-        text.push('\n');
-    }
-    for reason in &comparison.not_comparable {
-        text += &format!("not comparable: {reason}\n");
-    }
-    text += &keys("missing", &comparison.missing);
-    text += &keys("failed", &comparison.failed);
-    text += &keys("not in the baseline", &comparison.added);
-    let trackers: BTreeSet<&str> = drops.iter().map(|c| c.key.tracker.as_str()).collect();
-    let tolerated = Figure::ALL
-        .map(|f| format!("{} {}", f.name(), tolerances.of(f)))
-        .join(", ");
-    let worse = match drops.len() {
-        0 => "no drops".to_owned(),
-        n => format!(
-            "{n} drops in {} tracker{}",
-            trackers.len(),
-            if trackers.len() == 1 { "" } else { "s" }
-        ),
-    };
-    let word = match comparison.verdict() {
-        Verdict::Passed => "passed",
-        Verdict::Dropped => "failed",
-        Verdict::NotComparable => "not comparable",
-        Verdict::Incomplete => "incomplete",
-    };
-    text + &format!(
-        "check {word}: {worse}, {} improved, {} unchanged (tolerances: {tolerated} px)\n",
-        comparison.improved.len(),
-        comparison.unchanged
-    )
 }
 
 #[cfg(test)]
@@ -411,7 +345,14 @@ mod tests {
         let baseline = |name: &str| Baseline::new(&read_summary(&runs.path(name)).unwrap(), Vec::new());
         let (good, bad, part) = (baseline("good"), baseline("bad"), baseline("part"));
         let tolerances = Tolerances::default();
-        let print = |now: &Baseline, format| report(&good.compare(now, &tolerances), &tolerances, format);
+        let print = |now: &Baseline, format| {
+            let report = Report {
+                comparison: &good.compare(now, &tolerances),
+                tolerances: &tolerances,
+                top: 20,
+            };
+            report.text(format)
+        };
         insta::assert_snapshot!(print(&good, Format::Table), @"check passed: no drops, 0 improved, 9 unchanged (tolerances: sr_5 0.01, auc 0.005, al_median 0.05 px)");
         insta::assert_snapshot!(print(&bad, Format::Table), @"
         tracker         sequence      figure     baseline     now   change
@@ -437,9 +378,12 @@ mod tests {
             (Some(10), Some("al_median"))
         );
 
-        let args = runs.args(&["part", "--update-baseline"]);
-        let text = update(&args, Some(&bad), &part).unwrap();
-        insta::assert_snapshot!(text.replace(&args.baseline.display().to_string(), "baseline.json"), @"
+        let update = Update {
+            name: "baseline.json".to_owned(),
+            old: Some(&bad),
+            now: &part,
+        };
+        insta::assert_snapshot!(update.text(Format::Table, 20), @"
         tracker         sequence      figure     baseline     new   change
         esm/ssd/affine  builtin/wall  al_median    9.0000  1.0000  -8.0000
         esm/ssd/affine  builtin/wall  sr_5         0.3333  1.0000  +0.6667

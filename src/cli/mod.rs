@@ -2,7 +2,9 @@
 
 mod args;
 mod basin;
+mod bench;
 mod check;
+mod compare;
 mod data;
 mod diagnose;
 mod list;
@@ -22,6 +24,8 @@ pub mod exit {
     pub const USAGE: u8 = 2;
     /// Filters selected nothing.
     pub const NOTHING: u8 = 4;
+    /// Runs that measure different things.
+    pub const NOT_COMPARABLE: u8 = 11;
     /// Some runs failed.
     pub const FAILED: u8 = 20;
     /// Stopped early; nothing lost, run again.
@@ -166,9 +170,11 @@ fn dispatch(cli: Cli, console: &Console) -> Outcome {
             let again = |command: &[String]| Ok(run::run_recorded(command, progress, console)?);
             check::run(&args, &again).or_else(ended)
         }
+        Command::Compare(args) => compare::run(&args, console),
         Command::Synth(args) => synth::run(&args).or_else(ended),
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Basin(args) => basin::run(&args, console),
+        Command::Bench(args) => bench::run(&args, console),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "mtf-eval", &mut script);

@@ -13,7 +13,7 @@ use mtf_eval::eval::plan::sequence_id;
 use mtf_eval::eval::{self, FrameLogs, RunError, RunReport, RunRequest, TrackerEntry};
 use mtf_eval::image::parse_preprocessor;
 use mtf_eval::output::{TableOptions, table};
-use mtf_eval::registry::{Registry, Selection};
+use mtf_eval::registry::{Refusal, Registry, Selection};
 use mtf_eval::ssm;
 use serde_json::Map;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -194,6 +194,32 @@ pub(super) fn trackers(
     registry: &Arc<Registry>,
     console: &Console,
 ) -> Result<Vec<TrackerEntry>, Failure> {
+    let (entries, refused) = expand(args, registry)?;
+    let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for refusal in &refused {
+        reasons.entry(&refusal.reason).or_default().push(&refusal.id);
+    }
+    for (reason, ids) in reasons {
+        match ids[..] {
+            [one] => console.warn(&format!("{one} is refused: {reason}")),
+            _ => console.warn(&format!(
+                "{} and {} more are refused: {reason}",
+                ids[0],
+                ids.len() - 1
+            )),
+        }
+    }
+    Ok(entries)
+}
+
+/// The trackers asked for, and the combinations that cannot work.
+///
+/// # Errors
+/// Unknown names, bad values, nothing that can work.
+pub(super) fn expand(
+    args: &TrackerArgs,
+    registry: &Arc<Registry>,
+) -> Result<(Vec<TrackerEntry>, Vec<Refusal>), Failure> {
     // Settings with flags of their own are parameters like any other; --set has the last word.
     let common = [
         ("res", args.res.clone()),
@@ -226,29 +252,23 @@ pub(super) fn trackers(
         }
     }
     let expansion = registry.expand(&selection).map_err(Failure::usage)?;
-    let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    for refusal in &expansion.refused {
-        reasons.entry(&refusal.reason).or_default().push(&refusal.id);
-    }
-    for (reason, ids) in reasons {
-        match ids[..] {
-            [one] => console.warn(&format!("{one} is refused: {reason}")),
-            _ => console.warn(&format!(
-                "{} and {} more are refused: {reason}",
-                ids[0],
-                ids.len() - 1
-            )),
-        }
-    }
     let entries = expansion
         .specs
         .iter()
         .map(|spec| TrackerEntry::from_registry(registry, spec));
-    entries.collect::<Result<_, _>>().map_err(Failure::usage)
+    let entries = entries.collect::<Result<_, _>>().map_err(Failure::usage)?;
+    Ok((entries, expansion.refused))
 }
 
 /// The sequences of `data` (the embedded ones if empty) that pass the filters, cut to the frames asked for.
-fn sequences(data: &[PathBuf], args: &SelectionArgs, console: &Console) -> Result<Vec<Sequence>, Failure> {
+///
+/// # Errors
+/// Data that cannot be read, nothing that passes.
+pub(super) fn sequences(
+    data: &[PathBuf],
+    args: &SelectionArgs,
+    console: &Console,
+) -> Result<Vec<Sequence>, Failure> {
     let names = globs(&args.seq)?;
     let mut all = 0;
     let mut chosen = Vec::new();

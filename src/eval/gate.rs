@@ -2,74 +2,9 @@
 //!
 //! Results are reproducible to the byte, so tolerances only say which changes are too small to matter.
 
-use super::baseline::{Baseline, BaselineError, Figure, Key, Line};
-use crate::output::OutputError;
-use serde::{Deserialize, Serialize};
+use super::baseline::{Baseline, Figure, Key, Line};
+pub use super::tolerances::Tolerances;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
-
-/// How much worse a figure may get.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Tolerances {
-    /// Largest fall of `sr_5`.
-    pub sr_5: f64,
-    /// Largest fall of `auc`.
-    pub auc: f64,
-    /// Largest rise of `al_median`, px.
-    pub al_median: f64,
-}
-
-impl Default for Tolerances {
-    fn default() -> Self {
-        Tolerances {
-            sr_5: 0.01,
-            auc: 0.005,
-            al_median: 0.05,
-        }
-    }
-}
-
-impl Tolerances {
-    /// Every change counts.
-    pub const NONE: Tolerances = Tolerances {
-        sr_5: 0.0,
-        auc: 0.0,
-        al_median: 0.0,
-    };
-
-    /// Reads a TOML file with any of the keys `sr_5`, `auc`, `al_median`; the others keep their defaults.
-    ///
-    /// # Errors
-    /// [`BaselineError`] when it is missing, not TOML, has other keys or a tolerance is not a number `>= 0`.
-    pub fn read(path: &Path) -> Result<Tolerances, BaselineError> {
-        let text = std::fs::read_to_string(path).map_err(|source| OutputError::Io {
-            path: path.to_owned(),
-            source,
-        })?;
-        let wrong = |reason| OutputError::Format {
-            path: path.to_owned(),
-            reason,
-        };
-        let read: Tolerances = toml::from_str(&text).map_err(|e| wrong(e.to_string()))?;
-        if Figure::ALL
-            .iter()
-            .any(|f| read.of(*f).is_nan() || read.of(*f) < 0.0)
-        {
-            return Err(wrong("a tolerance is a number >= 0".to_owned()).into());
-        }
-        Ok(read)
-    }
-
-    /// The tolerance of one figure.
-    pub fn of(&self, figure: Figure) -> f64 {
-        match figure {
-            Figure::Sr5 => self.sr_5,
-            Figure::Auc => self.auc,
-            Figure::AlMedian => self.al_median,
-        }
-    }
-}
 
 /// A figure that differs from the baseline.
 #[derive(Clone, Debug, PartialEq)]
@@ -189,7 +124,7 @@ impl Baseline {
                     now,
                 };
                 // Figures have six decimals; half of the last one absorbs the rounding of the difference.
-                let limit = tolerances.of(figure) + 5e-7;
+                let limit = tolerances.of(&base.key, figure) + 5e-7;
                 if baseline == now || (baseline.is_nan() && now.is_nan()) {
                     result.unchanged += 1;
                 } else if !same_frames || baseline.is_nan() || now.is_nan() {
@@ -204,7 +139,7 @@ impl Baseline {
             }
         }
         // Stable, so equal changes stay in the baseline's order.
-        let in_tolerances = |c: &Change| c.worse_by() / tolerances.of(c.figure).max(1e-6);
+        let in_tolerances = |c: &Change| c.worse_by() / tolerances.of(&c.key, c.figure).max(1e-6);
         result
             .drops
             .sort_by(|a, b| in_tolerances(b).total_cmp(&in_tolerances(a)));
@@ -356,25 +291,5 @@ mod tests {
             (c.verdict(), c.failed.len(), c.not_comparable.len()),
             (Verdict::Dropped, 1, 0)
         );
-    }
-
-    #[test]
-    fn tolerance_file() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("check.toml");
-        let read = |text: &str| {
-            std::fs::write(&path, text).unwrap();
-            Tolerances::read(&path)
-        };
-        assert_eq!(
-            read("auc = 0.1").unwrap(),
-            Tolerances {
-                auc: 0.1,
-                ..Tolerances::default()
-            }
-        );
-        assert!(read("aucc = 0.1").unwrap_err().to_string().contains("aucc"));
-        assert!(read("auc = -1.0").is_err());
-        assert!(read("auc = nan").is_err());
     }
 }

@@ -4,17 +4,22 @@
 pub mod aggregate;
 pub mod baseline;
 pub mod basin;
+pub mod bench;
+pub mod compare;
 pub mod error;
 pub mod framelog;
 pub mod gate;
 pub mod journal;
 mod lanes;
+pub mod machine;
 pub mod panics;
 pub mod plan;
 pub mod profile;
 pub mod rundir;
 pub mod runner;
 pub mod score;
+pub mod stats;
+pub mod tolerances;
 
 pub use plan::{FrameLogs, RunRequest, TrackerEntry, Unit};
 pub use rundir::RunError;

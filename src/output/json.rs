@@ -23,13 +23,28 @@ struct Document<T> {
     trackers: Vec<T>,
 }
 
-#[derive(Serialize, Deserialize)]
-struct Thresholds {
-    al: Vec<f64>,
-    mcd: Vec<f64>,
-    cl: Vec<f64>,
-    jaccard: Vec<f64>,
-    grid: Vec<f64>,
+/// Thresholds of the success curves of each metric.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)] // one field per metric
+pub struct Thresholds {
+    pub al: Vec<f64>,
+    pub mcd: Vec<f64>,
+    pub cl: Vec<f64>,
+    pub jaccard: Vec<f64>,
+    pub grid: Vec<f64>,
+}
+
+impl Default for Thresholds {
+    /// Those of this program.
+    fn default() -> Self {
+        Thresholds {
+            al: thresholds(Metric::Al),
+            mcd: thresholds(Metric::Mcd),
+            cl: thresholds(Metric::Cl),
+            jaccard: thresholds(Metric::Jaccard),
+            grid: thresholds(Metric::Grid),
+        }
+    }
 }
 
 /// One tracker; borrowed for writing, owned for reading.
@@ -92,13 +107,7 @@ fn document<'a>(title: &str, trackers: Vec<Borrowed<'a>>) -> Document<Borrowed<'
         tool: env!("CARGO_PKG_NAME").to_owned(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         title: title.to_owned(),
-        thresholds: Thresholds {
-            al: thresholds(Metric::Al),
-            mcd: thresholds(Metric::Mcd),
-            cl: thresholds(Metric::Cl),
-            jaccard: thresholds(Metric::Jaccard),
-            grid: thresholds(Metric::Grid),
-        },
+        thresholds: Thresholds::default(),
         trackers,
     }
 }
@@ -123,6 +132,14 @@ pub fn summary_json(results: &Results, order: &[&TrackerName]) -> String {
 /// # Errors
 /// [`OutputError`] when the file is missing, damaged or of another schema version.
 pub fn read_summary(dir: &Path) -> Result<Results, OutputError> {
+    Ok(read_with_thresholds(dir)?.0)
+}
+
+/// [`read_summary`], and the thresholds that its success rates are of.
+///
+/// # Errors
+/// As [`read_summary`].
+pub fn read_with_thresholds(dir: &Path) -> Result<(Results, Thresholds), OutputError> {
     let path = dir.join("summary.json");
     let text = std::fs::read(&path).map_err(|source| OutputError::Io {
         path: path.clone(),
@@ -169,7 +186,7 @@ pub fn read_summary(dir: &Path) -> Result<Results, OutputError> {
             ..r
         }));
     }
-    Ok(results)
+    Ok((results, document.thresholds))
 }
 
 #[cfg(test)]

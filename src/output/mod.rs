@@ -3,13 +3,17 @@
 //! Every file is written under a temporary name, synced and renamed; the same results give the same bytes.
 
 mod atomic;
+mod bars;
 mod csv;
 mod json;
+mod junit;
 mod plot;
 mod table;
 
 pub use atomic::write_atomic;
-pub use json::{SCHEMA_VERSION, read_summary, summary_json};
+pub use bars::bars_svg;
+pub use json::{SCHEMA_VERSION, Thresholds, read_summary, read_with_thresholds, summary_json};
+pub use junit::junit;
 pub use plot::success_svg;
 pub use table::{Format, SORT_KEYS, TableOptions, parse_sort, render, table};
 
@@ -36,8 +40,11 @@ pub enum OutputError {
         reason: String,
     },
     /// The plot could not be drawn.
-    #[error("success plot: {0}")]
+    #[error("plot: {0}")]
     Plot(String),
+    /// The JUnit report could not be written.
+    #[error("JUnit report: {0}")]
+    Report(String),
 }
 
 /// What the files say about the run as a whole.

@@ -12,7 +12,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 /// Trackers drawn, at most.
 const SHOWN: usize = 10;
 /// Drawn at this multiple of the size in CSS pixels, since the backend rounds coordinates to whole units.
-const SCALE: u32 = 4;
+pub(super) const SCALE: u32 = 4;
 /// Size in CSS pixels: a plot and a legend on its right.
 const PLOT_WIDTH: u32 = 620;
 const LEGEND_WIDTH: u32 = 400;
@@ -22,7 +22,7 @@ const LABEL: usize = 40;
 
 /// Colours that stay apart with every common kind of colour blindness (Okabe and Ito 2008), without the yellow that
 /// vanishes on white.
-const COLOURS: [RGBColor; 7] = [
+pub(super) const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -33,8 +33,8 @@ const COLOURS: [RGBColor; 7] = [
 ];
 /// Dash patterns in CSS pixels, as SVG wants them; the first is a solid line.
 const DASHES: [&[u32]; 4] = [&[], &[9, 4], &[3, 3], &[14, 4, 3, 4]];
-const INK: RGBColor = RGBColor(51, 51, 51);
-const GRID: RGBColor = RGBColor(225, 225, 225);
+pub(super) const INK: RGBColor = RGBColor(51, 51, 51);
+pub(super) const GRID: RGBColor = RGBColor(225, 225, 225);
 
 /// Line of the tracker at `rank`. Better trackers are drawn first and wider, so that curves that coincide show as
 /// nested lines.
@@ -47,12 +47,12 @@ fn text(size: u32) -> TextStyle<'static> {
     ("sans-serif", size * SCALE).into_font().color(&INK)
 }
 
-fn anchored(size: u32, h: HPos, v: VPos) -> TextStyle<'static> {
+pub(super) fn anchored(size: u32, h: HPos, v: VPos) -> TextStyle<'static> {
     text(size).pos(Pos::new(h, v))
 }
 
 /// `id` shortened in its middle to `length` characters.
-fn shorten(id: &str, length: usize) -> String {
+pub(super) fn shorten(id: &str, length: usize) -> String {
     let chars: Vec<char> = id.chars().collect();
     if chars.len() <= length {
         return id.to_owned();
@@ -65,21 +65,33 @@ fn shorten(id: &str, length: usize) -> String {
         .collect()
 }
 
+/// A picture of a size in CSS pixels. `draw` works in units of `1 / SCALE` of them.
+///
+/// # Errors
+/// [`OutputError::Plot`] when the drawing backend refuses.
+pub(super) fn picture(
+    width: u32,
+    height: u32,
+    draw: impl FnOnce(&Area) -> Result<(), Box<dyn std::error::Error>>,
+) -> Result<String, OutputError> {
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, (width * SCALE, height * SCALE)).into_drawing_area();
+        draw(&root).map_err(|e| OutputError::Plot(e.to_string()))?;
+        root.present().map_err(|e| OutputError::Plot(e.to_string()))?;
+    }
+    // The view box keeps the fine units; the picture itself has the size in CSS pixels.
+    let fine = format!("width=\"{}\" height=\"{}\"", width * SCALE, height * SCALE);
+    Ok(svg.replacen(&fine, &format!("width=\"{width}\" height=\"{height}\""), 1))
+}
+
 /// Draws the pooled success curves of the ten trackers with the largest `auc`, which the legend gives.
 ///
 /// # Errors
 /// [`OutputError::Plot`] when the drawing backend refuses.
 pub fn success_svg(results: &Results, title: &str) -> Result<String, OutputError> {
     let (width, height) = (PLOT_WIDTH + LEGEND_WIDTH, HEIGHT);
-    let mut svg = String::new();
-    {
-        let root = SVGBackend::with_string(&mut svg, (width * SCALE, height * SCALE)).into_drawing_area();
-        draw(&root, results, title).map_err(|e| OutputError::Plot(e.to_string()))?;
-        root.present().map_err(|e| OutputError::Plot(e.to_string()))?;
-    }
-    // The view box keeps the fine units; the picture itself has the size in CSS pixels.
-    let fine = format!("width=\"{}\" height=\"{}\"", width * SCALE, height * SCALE);
-    svg = svg.replacen(&fine, &format!("width=\"{width}\" height=\"{height}\""), 1);
+    let mut svg = picture(width, height, |root| draw(root, results, title))?;
     // The backend has no dashes or joins: give them to the strokes of each rank.
     for rank in 0..SHOWN {
         let RGBColor(r, g, b) = COLOURS[rank % COLOURS.len()];
@@ -104,7 +116,7 @@ pub fn success_svg(results: &Results, title: &str) -> Result<String, OutputError
     Ok(svg)
 }
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 fn draw(root: &Area, results: &Results, title: &str) -> Result<(), Box<dyn std::error::Error>> {
     root.fill(&WHITE)?;

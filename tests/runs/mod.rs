@@ -9,7 +9,10 @@ use std::path::{Path, PathBuf};
 /// The program, in `dir`.
 pub fn program(dir: &Path) -> Command {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("mtf-eval"));
-    command.current_dir(dir).env_remove("NO_COLOR");
+    command
+        .current_dir(dir)
+        .env_remove("NO_COLOR")
+        .env_remove("GITHUB_STEP_SUMMARY");
     command
 }
 

@@ -1,0 +1,295 @@
+//! `mtf-eval compare`: what changed between runs, and whether it is more than chance.
+
+use super::{Console, Failure, Outcome, exit, print};
+use mtf_eval::eval::aggregate::Average;
+use mtf_eval::eval::compare::{Comparison, Options, Run, TrackerChange, Verdict, compare, parse_figure};
+use mtf_eval::output::{Format, render};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Compare runs: what changed, and whether it is more than chance
+///
+/// First what is equal to the last digit, tracker by tracker and sequence by sequence. For each tracker that changed: the
+/// figures in both runs, the 95 % interval of their difference over sequences (a paired bootstrap) and `q`, the p value
+/// adjusted for the number of changed trackers and figures. `~` stands where the interval spans 0 or q exceeds --fdr:
+/// other sequences might show the opposite. Exit code 11: the runs have another protocol, other data or other thresholds.
+#[derive(clap::Args, Debug)]
+pub struct CompareArgs {
+    /// Run directories; each is compared with the first
+    #[arg(value_name = "RUN", required = true)]
+    pub runs: Vec<PathBuf>,
+    /// Compare every tracker with this one of the first run, rather than with itself
+    #[arg(long, value_name = "TRACKER")]
+    pub reference: Option<String>,
+    /// Figures to compare: auc, sr_1 to sr_20, sr_area, al_mean, mcd_mean, cl_mean, jaccard_mean
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auc,sr_5,al_mean",
+        value_parser = parse_figure
+    )]
+    pub figures: Vec<String>,
+    /// Over all frames, or over sequences alike
+    #[arg(long, value_enum, value_name = "HOW", default_value = "pooled")]
+    pub average: AverageArg,
+    /// False discovery rate: the share of false ones among the changes called better or worse
+    #[arg(long, value_name = "RATE", default_value = "0.05", value_parser = rate)]
+    pub fdr: f64,
+    /// Bootstrap samples
+    #[arg(long, value_name = "N", default_value = "10000", value_parser = clap::value_parser!(u32).range(100..))]
+    pub resamples: u32,
+    /// Seed of the bootstrap
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Form of the result
+    #[arg(long, value_name = "FORMAT", default_value = "table")]
+    pub format: Format,
+    /// How many changed trackers tables show (0: all)
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    pub top: usize,
+}
+
+/// What figures are averaged over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[value(rename_all = "snake_case")]
+pub enum AverageArg {
+    /// All frames together
+    Pooled,
+    /// Mean over sequences
+    SeqMean,
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    let value = text.trim().parse().ok();
+    value
+        .filter(|v: &f64| *v > 0.0 && *v < 1.0)
+        .ok_or_else(|| "expected a number between 0 and 1".into())
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Directories that hold no finished run; runs that do not compare.
+pub fn run(args: &CompareArgs, console: &Console) -> Outcome {
+    if args.runs.len() < 2 && args.reference.is_none() {
+        return Err(Failure::usage(
+            "give two runs, or one and --reference TRACKER to compare its trackers with one of them",
+        ));
+    }
+    let options = Options {
+        figures: args.figures.clone(),
+        average: match args.average {
+            AverageArg::Pooled => Average::Pooled,
+            AverageArg::SeqMean => Average::SeqMean,
+        },
+        fdr: args.fdr,
+        resamples: args.resamples as usize,
+        seed: args.seed,
+        reference: args.reference.clone(),
+    };
+    let runs: Vec<Run> = args
+        .runs
+        .iter()
+        .map(|dir| Run::read(dir).map_err(|e| Failure::usage(format!("not a finished run: {e}"))))
+        .collect::<Result<_, _>>()?;
+    // A reference also meets the other trackers of its own run.
+    let first = usize::from(options.reference.is_none());
+    let found: Vec<Comparison> = runs[first..]
+        .iter()
+        .map(|run| compare(&runs[0], run, &options))
+        .collect::<Result<_, _>>()
+        .map_err(|e| match e {
+            mtf_eval::eval::compare::CompareError::NotComparable(_) => Failure::new(exit::NOT_COMPARABLE, e),
+            other => Failure::usage(other),
+        })?;
+    let text = match args.format {
+        Format::Json => json(&found, &options),
+        Format::Csv => csv(&found),
+        Format::Table | Format::Md => {
+            let each: Vec<String> = found.iter().map(|c| people(c, args, console)).collect();
+            each.join("\n")
+        }
+    };
+    print(&text)?;
+    for warning in found.iter().flat_map(|c| &c.warnings) {
+        console.warn(warning);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// `1 tracker`, `2 trackers`
+fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
+fn people(found: &Comparison, args: &CompareArgs, console: &Console) -> String {
+    const NAMED: usize = 5;
+    let md = args.format == Format::Md;
+    // Markdown joins lines that stand together.
+    let end = if md { "  \n" } else { "\n" };
+    let mut text = match &found.reference {
+        Some(tracker) => format!("A: {tracker} in {}{end}B: trackers of {}{end}", found.a, found.b),
+        None => format!("A: {}{end}B: {}{end}", found.a, found.b),
+    };
+    for setting in &found.settings {
+        text += &format!("{setting}{end}");
+    }
+    for (letter, ids) in [("A", &found.only_a), ("B", &found.only_b)] {
+        if !ids.is_empty() {
+            let more = match ids.len().saturating_sub(NAMED) {
+                0 => String::new(),
+                n => format!(" and {n} more"),
+            };
+            let named: Vec<&str> = ids.iter().take(NAMED).map(String::as_str).collect();
+            text += &format!("only in {letter}: {}{more}{end}", named.join(", "));
+        }
+    }
+    let shown = match args.top {
+        0 => found.changed.len(),
+        top => top.min(found.changed.len()),
+    };
+    if shown > 0 {
+        text += "\n";
+        text += &table(&found.changed[..shown], args.format, console);
+    }
+    if shown < found.changed.len() {
+        let more = count(found.changed.len() - shown, "more changed tracker");
+        text += &format!("\n{more} (--top 0 shows all)\n");
+    }
+    let with = |verdict| {
+        let judged = |c: &&TrackerChange| c.figures.first().is_some_and(|f| f.verdict == verdict);
+        found.changed.iter().filter(judged).count()
+    };
+    let runs = count(found.units, "run");
+    let summary = match found.changed.len() {
+        0 => format!(
+            "no difference: {runs} of {} equal",
+            count(found.trackers, "tracker")
+        ),
+        n => format!(
+            "{n} of {} changed, in {} of {runs}; {} better, {} worse, {} unclear",
+            count(found.trackers, "tracker"),
+            found.units - found.identical,
+            with(Verdict::Better),
+            with(Verdict::Worse),
+            with(Verdict::Unclear),
+        ),
+    };
+    let by = match args.figures.first() {
+        Some(figure) if !found.changed.is_empty() => format!(" (by {figure})"),
+        _ => String::new(),
+    };
+    text + &format!("\n{summary}{by}\n")
+}
+
+/// A row per figure; the tracker's name stands in its first.
+fn table(changed: &[TrackerChange], format: Format, console: &Console) -> String {
+    let header = [
+        "tracker",
+        "changed",
+        "figure",
+        "A",
+        "B",
+        "change",
+        "95 % interval",
+        "q",
+        "",
+    ];
+    let signed = |v: f64| format!("{v:+.4}");
+    let rows: Vec<Vec<String>> = changed
+        .iter()
+        .flat_map(|c| {
+            c.figures.iter().enumerate().map(move |(i, f)| {
+                let (tracker, sequences) = match i {
+                    0 => (
+                        c.tracker.clone(),
+                        format!("{}/{} sequences", c.sequences_changed, c.sequences),
+                    ),
+                    _ => (String::new(), String::new()),
+                };
+                let interval = match f.interval {
+                    [low, _] if low.is_nan() => "-".to_owned(),
+                    [low, high] => format!("{} {}", signed(low), signed(high)),
+                };
+                vec![
+                    tracker,
+                    sequences,
+                    f.figure.clone(),
+                    format!("{:.4}", f.a),
+                    format!("{:.4}", f.b),
+                    signed(f.b - f.a),
+                    interval,
+                    format!("{:.3}", f.q),
+                    f.verdict.word().to_owned(),
+                ]
+            })
+        })
+        .collect();
+    render(&header, &rows, format, console.table_colour)
+}
+
+fn csv(found: &[Comparison]) -> String {
+    let header = [
+        "a",
+        "b",
+        "reference",
+        "tracker",
+        "figure",
+        "value_a",
+        "value_b",
+        "change",
+        "low95",
+        "high95",
+        "p",
+        "q",
+        "verdict",
+        "sequences",
+        "sequences_changed",
+        "runs",
+        "runs_changed",
+    ];
+    let number = |v: f64| {
+        if v.is_nan() {
+            String::new()
+        } else {
+            format!("{v:.6}")
+        }
+    };
+    let row = |c: &Comparison, t: &TrackerChange| -> Vec<Vec<String>> {
+        let each = t.figures.iter().map(|f| {
+            let mut cells = vec![
+                c.a.clone(),
+                c.b.clone(),
+                c.reference.clone().unwrap_or_default(),
+                t.tracker.clone(),
+                f.figure.clone(),
+            ];
+            cells.extend([f.a, f.b, f.b - f.a, f.interval[0], f.interval[1], f.p, f.q].map(number));
+            cells.push(f.verdict.word().to_owned());
+            let counts = [t.sequences, t.sequences_changed, t.units, t.units_changed];
+            cells.extend(counts.map(|n| n.to_string()));
+            cells
+        });
+        each.collect()
+    };
+    let rows: Vec<Vec<String>> = found
+        .iter()
+        .flat_map(|c| c.changed.iter().flat_map(move |t| row(c, t)))
+        .collect();
+    render(&header, &rows, Format::Csv, false)
+}
+
+fn json(found: &[Comparison], options: &Options) -> String {
+    let value: Value = json!({
+        "tool": env!("CARGO_PKG_NAME"),
+        "version": env!("CARGO_PKG_VERSION"),
+        "average": options.average,
+        "fdr": options.fdr,
+        "resamples": options.resamples,
+        "seed": options.seed,
+        "comparisons": found,
+    });
+    format!("{value:#}\n")
+}

@@ -1,0 +1,260 @@
+//! `compare` and the reports of `check`, from outside.
+
+mod runs;
+
+use predicates::prelude::PredicateBooleanExt;
+use predicates::str::contains;
+use runs::{program, write_data};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use tempfile::TempDir;
+
+/// Twelve short sequences.
+fn with_data() -> TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    write_data(&dir.path().join("data"), &[5; 12]);
+    dir
+}
+
+fn run(dir: &Path, out: &str, more: &[&str]) {
+    program(dir)
+        .args([
+            "run",
+            "data",
+            "-q",
+            "--frame-logs",
+            "none",
+            "--res",
+            "20x20",
+            "--out",
+            out,
+        ])
+        .args(more)
+        .assert()
+        .success();
+}
+
+fn json(dir: &Path, args: &[&str]) -> Value {
+    let output = program(dir)
+        .arg("compare")
+        .args(args)
+        .args(["--format", "json"])
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn finds_the_tracker_that_changed() {
+    let dir = with_data();
+    let dir = dir.path();
+    let trackers = ["--sm", "esm,iclk,pf", "--set", "pf.n_particles=40"];
+    run(dir, "a", &trackers);
+    run(dir, "again", &trackers);
+    run(dir, "b", &[&trackers[..], &["--seed", "1"]].concat());
+    program(dir)
+        .args(["compare", "a", "again"])
+        .assert()
+        .success()
+        .stdout(contains("no difference: 36 runs of 3 trackers equal"));
+    let found = json(dir, &["a", "b"]);
+    let found = &found["comparisons"][0];
+    assert_eq!((&found["units"], &found["trackers"]), (&36.into(), &3.into()));
+    let changed = found["changed"].as_array().unwrap();
+    assert_eq!(changed.len(), 1, "{changed:?}");
+    assert_eq!(
+        changed[0]["tracker"],
+        "pf/ssd/homography{n_particles=40,res=20x20}"
+    );
+    assert_eq!(changed[0]["figures"][0]["figure"], "auc");
+    assert_eq!(found["settings"][0], "seed: 0 -> 1");
+    let table = program(dir)
+        .args(["compare", "a", "b", "again"])
+        .output()
+        .unwrap();
+    let table = String::from_utf8(table.stdout).unwrap();
+    for text in [
+        "95 % interval",
+        "sr_5",
+        "al_mean",
+        "1 of 3 trackers changed",
+        "no difference",
+    ] {
+        assert!(table.contains(text), "{text}: {table}");
+    }
+    program(dir)
+        .args(["compare", "a", "b", "--format", "csv", "--figures", "auc"])
+        .assert()
+        .success()
+        .stdout(contains("a,b,reference,tracker,figure,").and(contains("a,b,,pf/ssd/")));
+    program(dir)
+        .args(["compare", "a", "b", "--format", "md"])
+        .assert()
+        .success()
+        .stdout(contains("| tracker"));
+    // Trackers of one run against one of them.
+    let found = json(dir, &["a", "--reference", "esm/ssd/homography"]);
+    assert_eq!(found["comparisons"][0]["trackers"], 2);
+}
+
+#[test]
+fn refuses_what_does_not_compare() {
+    let dir = with_data();
+    let dir = dir.path();
+    run(dir, "a", &[]);
+    run(dir, "short", &["--max-frames", "4"]);
+    run(dir, "other", &["--sm", "iclk"]);
+    run(dir, "fitted", &["--gt-ssm", "translation"]);
+    for (other, reason) in [
+        ("short", "fingerprint"),
+        ("fitted", "fingerprint"),
+        ("other", "no tracker in common"),
+    ] {
+        program(dir)
+            .args(["compare", "a", other])
+            .assert()
+            .code(11)
+            .stderr(contains("not comparable").and(contains(reason)));
+    }
+    for (args, reason) in [
+        (&["compare", "a"][..], "give two runs"),
+        (&["compare", "a", "nowhere"], "not a finished run"),
+        (
+            &["compare", "a", "other", "--figures", "al_median"],
+            "no mean over frames",
+        ),
+        (&["compare", "a", "other", "--fdr", "2"], "between 0 and 1"),
+        (
+            &["compare", "a", "other", "--reference", "esm/ssd/homograph"],
+            "did you mean",
+        ),
+    ] {
+        program(dir).args(args).assert().code(2).stderr(contains(reason));
+    }
+}
+
+#[test]
+fn warns_of_few_sequences() {
+    let dir = with_data();
+    let dir = dir.path();
+    for (out, seed) in [("a", "0"), ("b", "1")] {
+        run(
+            dir,
+            out,
+            &[
+                "--sm",
+                "pf",
+                "--set",
+                "pf.n_particles=40",
+                "--seq",
+                "seq[0-3]",
+                "--seed",
+                seed,
+            ],
+        );
+    }
+    program(dir)
+        .args(["compare", "a", "b"])
+        .assert()
+        .success()
+        .stdout(contains("~"))
+        .stderr(contains("only 4 sequences").and(contains("nothing can be significant")));
+}
+
+#[test]
+fn the_gate_reports_to_ci_services() {
+    let dir = with_data();
+    let dir = dir.path();
+    run(dir, "a", &["--sm", "esm,iclk", "--seq", "seq[0-1]"]);
+    let check = |args: &[&str]| {
+        let mut command = program(dir);
+        command
+            .args(["check", "a", "--baseline", "baseline.json"])
+            .args(args);
+        command.env("GITHUB_STEP_SUMMARY", dir.join("step.md"));
+        command.assert()
+    };
+    check(&["--update-baseline"])
+        .success()
+        .stdout(contains("recorded 6 lines"));
+    check(&["--junit", "junit.xml", "--summary-md", "summary.md"]).success();
+    let read = |name: &str| fs::read_to_string(dir.join(name)).unwrap();
+    let xml = read("junit.xml");
+    assert!(
+        xml.contains(r#"tests="6" skipped="0" failures="0" errors="0""#),
+        "{xml}"
+    );
+    assert!(
+        read("summary.md").starts_with("### ✅ mtf-eval check passed"),
+        "{}",
+        read("summary.md")
+    );
+    // A baseline that was better on one sequence.
+    let worse = read("baseline.json").replacen(
+        r#""sequence":"seq1","start":0,"protocol":"ope","frames":4,"sr_5":1.0"#,
+        r#""sequence":"seq1","start":0,"protocol":"ope","frames":4,"sr_5":1.5"#,
+        1,
+    );
+    fs::write(dir.join("baseline.json"), worse).unwrap();
+    check(&["--junit", "junit.xml", "--summary-md", "summary.md"]).code(10);
+    let (xml, summary) = (read("junit.xml"), read("summary.md"));
+    assert!(
+        xml.contains(r#"failures="1""#) && xml.contains("sr_5 1.5000 -&gt; 1.0000 (tolerance 0.01)"),
+        "{xml}"
+    );
+    assert!(
+        summary.starts_with("### ❌") && summary.contains("| esm/ssd/homography"),
+        "{summary}"
+    );
+    // Both summaries were appended to the page of the run, after that of the recording.
+    let page = read("step.md");
+    assert!(
+        page.contains("recorded 6 lines") && page.contains("✅") && page.ends_with(&format!("{summary}\n")),
+        "{page}"
+    );
+    fs::write(
+        dir.join("check.toml"),
+        "[[override]]\ntracker = \"esm/*\"\nsequence = \"seq1\"\nsr_5 = 0.5\n",
+    )
+    .unwrap();
+    check(&[]).success().stdout(contains("1 override"));
+    // Updating says what changes.
+    check(&["--update-baseline"]).success().stdout(
+        contains("1.5000")
+            .and(contains("-0.5000"))
+            .and(contains("updated; 1 worse")),
+    );
+}
+
+/// The commands of docs/ci.md, in their order, as they stand there.
+#[test]
+fn the_page_on_ci_works_as_written() {
+    let page = include_str!("../docs/ci.md");
+    let dir = tempfile::tempdir().unwrap();
+    let commands: Vec<&str> = page
+        .lines()
+        .filter_map(|l| l.strip_prefix("    mtf-eval "))
+        .collect();
+    assert!(commands.len() >= 5, "{commands:?}");
+    for command in commands {
+        let words = command.split_whitespace();
+        program(dir.path()).args(words).arg("-q").assert().success();
+    }
+    let tolerances = page
+        .split("```toml\n")
+        .nth(1)
+        .and_then(|t| t.split("```").next())
+        .unwrap();
+    fs::write(dir.path().join("check.toml"), tolerances).unwrap();
+    program(dir.path())
+        .args(["check", "results/now", "--baseline", "baseline.json"])
+        .assert()
+        .success()
+        .stdout(contains("2 overrides"));
+}
