@@ -5,9 +5,13 @@ mod basin;
 mod check;
 mod data;
 mod diagnose;
+mod experiment;
 mod list;
+mod merge;
+mod plan;
 mod progress;
 mod run;
+mod status;
 mod synth;
 
 use args::{Cli, Command, Messages, When};
@@ -22,8 +26,12 @@ pub mod exit {
     pub const USAGE: u8 = 2;
     /// Filters selected nothing.
     pub const NOTHING: u8 = 4;
+    /// Not comparable.
+    pub const DIFFERENT: u8 = 11;
     /// Some runs failed.
     pub const FAILED: u8 = 20;
+    /// Incomplete: shards or units are missing.
+    pub const INCOMPLETE: u8 = 21;
     /// Stopped early; nothing lost, run again.
     pub const STOPPED: u8 = 75;
 }
@@ -159,6 +167,9 @@ pub fn main() -> ExitCode {
 fn dispatch(cli: Cli, console: &Console) -> Outcome {
     match cli.command {
         Command::Run(args) => run::run(&args, cli.messages.progress, console),
+        Command::Plan(args) => plan::run(&args, console),
+        Command::Status(args) => status::run(&args, console),
+        Command::Merge(args) => merge::run(&args, cli.messages.progress, console),
         Command::List(args) => list::run(&args),
         Command::Data(args) => data::run(&args).or_else(ended),
         Command::Check(args) => {

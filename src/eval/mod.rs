@@ -5,19 +5,30 @@ pub mod aggregate;
 pub mod baseline;
 pub mod basin;
 pub mod error;
+pub mod estimate;
+mod finish;
 pub mod framelog;
 pub mod gate;
+pub mod grid;
 pub mod journal;
 mod lanes;
+pub mod lock;
+pub mod merge;
 pub mod panics;
 pub mod plan;
+pub mod protocol;
 pub mod rundir;
 pub mod runner;
 pub mod score;
+pub mod shard;
+pub mod status;
+mod truth;
 
-pub use plan::{FrameLogs, RunRequest, TrackerEntry, Unit};
+pub use plan::{FrameLogs, Plan, RunRequest, TrackerEntry, Unit};
+pub use protocol::Protocol;
 pub use rundir::RunError;
 pub use runner::{Observer, RunReport, Silent, run};
+pub use shard::{Cut, Shard};
 
 /// The time now, UTC, RFC 3339 to the second.
 pub(crate) fn utc_now() -> String {
