@@ -314,7 +314,8 @@ pub struct ExecutionArgs {
     /// Worker threads (never changes a result) [default: SLURM_CPUS_PER_TASK, else all cores]
     #[arg(short = 'j', long, value_name = "N", value_parser = at_least_one)]
     pub threads: Option<usize>,
-    /// Memory for trackers, such as 4G (never changes a result) [default: half of the machine's, or of the Slurm job's]
+    /// Memory for trackers, such as 4G (never changes a result) [default: half of the
+    /// machine's or the Slurm job's, at most 3G]
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub memory: Option<u64>,
     /// Stop after this time (90, 90s, 15m, 2h) as by a signal: exit 75, run again to go on

@@ -13,6 +13,9 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+/// Memory for trackers that nobody asked for: more makes nothing faster, as groups of trackers are bounded.
+const MOST_MEMORY: u64 = 3 << 30;
+
 /// Failed units named on stderr; the rest is in the files.
 const FAILURES_SHOWN: usize = 5;
 
@@ -142,7 +145,7 @@ fn request(args: &RunArgs, command: &[String], console: &Console) -> Result<RunR
         .host
         .insert("revision".into(), option_env!("MTF_EVAL_REVISION").into());
     request.threads = threads.or_else(slurm_cpus).unwrap_or(0);
-    request.memory = memory.unwrap_or_else(|| machine_memory() / 2);
+    request.memory = memory.unwrap_or_else(|| (machine_memory() / 2).min(MOST_MEMORY));
     request.shard = shard;
     request.force = force;
     request.grace = grace;

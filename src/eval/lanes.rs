@@ -143,24 +143,23 @@ fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[
     let Some(first) = units.first() else { return };
     let sequence = context.sequence(first);
     let budget = context.request.memory / context.lanes as u64;
-    let mut units = units.iter().peekable();
+    let mut waiting: VecDeque<&Unit> = units.iter().collect();
     let mut unreadable: Option<String> = None;
-    while units.peek().is_some() && !context.stopping() {
+    while !waiting.is_empty() && !context.stopping() {
         let mut group = Vec::new();
         let mut bytes = 0;
-        while let Some(&unit) = units.peek() {
+        while let Some(&unit) = waiting.front() {
             let mut active = prepare(context, unit, unreadable.as_deref());
-            let memory = active.tracker.as_ref().map_or(0, |t| t.memory() as u64);
-            bytes += memory + ROW_BYTES * (sequence.len() as u64 - u64::from(unit.start));
+            bytes += memory(sequence, &active);
             // The first tracker over the budget is made again for the next group.
             if bytes > budget && !group.is_empty() {
                 active.tracker = None;
                 break;
             }
             group.push(active);
-            units.next();
+            waiting.pop_front();
         }
-        let read = run_group(context, sequence, &mut group);
+        let read = run_group(context, sequence, budget, &mut group, &mut waiting);
         if context.halted() {
             return;
         }
@@ -174,6 +173,12 @@ fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[
                 .for_each(|active| finish(context, journal, sequence, active));
         });
     }
+}
+
+/// Bytes that a unit takes.
+fn memory(sequence: &Sequence, active: &Active<'_>) -> u64 {
+    let rows = ROW_BYTES * (sequence.len() as u64 - u64::from(active.unit.start));
+    rows + active.tracker.as_ref().map_or(0, |t| t.memory() as u64)
 }
 
 /// Makes the unit's tracker.
@@ -203,8 +208,15 @@ fn prepare<'a>(context: &Context<'_>, unit: &'a Unit, unreadable: Option<&str>) 
     }
 }
 
-/// Runs a group over its sequence. An unreadable frame fails its units and is returned.
-fn run_group(context: &Context<'_>, sequence: &Sequence, group: &mut [Active<'_>]) -> Result<(), String> {
+/// Runs a group over its sequence; units whose trackers turn out not to fit the budget go back to those `waiting`. An
+/// unreadable frame fails the units of the group and is returned.
+fn run_group<'a>(
+    context: &Context<'_>,
+    sequence: &Sequence,
+    budget: u64,
+    group: &mut Vec<Active<'a>>,
+    waiting: &mut VecDeque<&'a Unit>,
+) -> Result<(), String> {
     let Some(first) = group
         .iter()
         .filter(|a| a.tracker.is_some())
@@ -222,9 +234,8 @@ fn run_group(context: &Context<'_>, sequence: &Sequence, group: &mut [Active<'_>
     let (gray, colour) = (channels(1), channels(3));
     let read = |range: Range<usize>| decode(context, sequence, range, gray, colour);
 
-    let mut result = Ok(());
     // The first frame alone, to learn how much memory a frame takes.
-    let mut window = match context
+    let window = match context
         .pool
         .install(|| read(first..sequence.len().min(first + 1)))
     {
@@ -240,9 +251,39 @@ fn run_group(context: &Context<'_>, sequence: &Sequence, group: &mut [Active<'_>
         let room = context.request.memory / FRAME_SHARE / context.lanes as u64 / 2;
         ((room / bytes.max(1)) as usize).clamp(1, WINDOW)
     });
-    while let Some(last) = window.last().map(|ready| ready.index) {
-        let upcoming = last + 1..sequence.len().min(last + 1 + ahead);
-        let ((), next) = context.pool.install(|| {
+    // Started a few at a time: only then do all trackers know what they need.
+    let mut used = 0;
+    let mut started = 0;
+    while started < group.len() && (started == 0 || used <= budget) && !context.halted() {
+        let end = group.len().min(started + 2 * context.pool.current_num_threads());
+        let few = &mut group[started..end];
+        context.pool.install(|| {
+            few.par_iter_mut()
+                .with_max_len(1)
+                .for_each(|active| track_window(context, sequence, active, &window))
+        });
+        used += few.iter().map(|active| memory(sequence, active)).sum::<u64>();
+        started = end;
+    }
+    for active in group.drain(started..).rev() {
+        waiting.push_front(active.unit);
+    }
+    let upcoming = |from: usize| from..sequence.len().min(from + ahead);
+    let mut next = context.pool.install(|| read(upcoming(first + 1)));
+    loop {
+        let window = match next {
+            Ok(window) => window,
+            Err(reason) => {
+                fail_all(group, &reason);
+                return Err(reason);
+            }
+        };
+        let idle = group.iter().all(|a| a.tracker.is_none());
+        let Some(last) = window.last().filter(|_| !idle && !context.halted()) else {
+            return Ok(());
+        };
+        let following = upcoming(last.index + 1);
+        ((), next) = context.pool.install(|| {
             rayon::join(
                 || {
                     group
@@ -250,19 +291,10 @@ fn run_group(context: &Context<'_>, sequence: &Sequence, group: &mut [Active<'_>
                         .with_max_len(1)
                         .for_each(|active| track_window(context, sequence, active, &window))
                 },
-                || read(upcoming),
+                || read(following),
             )
         });
-        if context.halted() || group.iter().all(|a| a.tracker.is_none()) {
-            break;
-        }
-        window = next.unwrap_or_else(|reason| {
-            fail_all(group, &reason);
-            result = Err(reason);
-            Vec::new()
-        });
     }
-    result
 }
 
 fn fail_all(group: &mut [Active<'_>], reason: &str) {

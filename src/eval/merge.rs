@@ -65,9 +65,14 @@ struct Part {
 /// [`RunError::Mismatch`] when directories are of different runs or disagree about a unit, [`RunError::Locked`] when one
 /// is being written to, and what reading and writing may meet.
 pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, RunError> {
-    let mut sources: Vec<&PathBuf> = request.parts.iter().collect();
+    let mut sources: Vec<&PathBuf> = request
+        .parts
+        .iter()
+        .filter(|part| **part != request.out)
+        .collect();
     if !request.force && request.out.join("run.json").exists() {
-        sources.push(&request.out);
+        // First, so that what it holds stays as it is.
+        sources.insert(0, &request.out);
     }
     let mut first: Option<(Plan, PathBuf)> = None;
     let mut parts = Vec::new();
