@@ -40,10 +40,11 @@ trap finish EXIT
 # until they are told to stop.
 cat > "$work/troubled" <<EOF
 #!/usr/bin/env bash
-case "\$* " in
+line="\$* "
+case "\$line" in
 *" slice:7/$shards "*) if mkdir "$work/failed-once" 2> /dev/null; then echo "on purpose" >&2; exit 3; fi ;;
 *" slice:9/$shards "* | *" slice:10/$shards "*)
-    part=\${*##* slice:}
+    part=\${line##* slice:}
     slow=$work/slow-\${part%%/*}
     if [ -n "\${SLURM_JOB_ID:-}" ] && mkdir "\$slow" 2> /dev/null; then
         "$program" "\$@" &
