@@ -157,8 +157,8 @@ test_slurm() {
     read -r array merge < <(sed 's/shards: job \([0-9]*\), merge: job \([0-9]*\)/\1 \2/' "$work/said")
     scancel "${array}_16" || fail "cannot cancel"
     # One is preempted (TERM, and Slurm queues it again), one near its time limit (USR1, and it queues itself again).
-    runs 9 && { scontrol requeue "${array}_9" || fail "cannot requeue"; }
-    runs 10 && { scancel --signal=USR1 --batch "${array}_10" || fail "cannot signal"; }
+    runs 9 && { tries 10 scontrol requeue "${array}_9" || fail "cannot requeue"; }
+    runs 10 && { tries 10 scancel --signal=USR1 --batch "${array}_10" || fail "cannot signal"; }
     wait_for "$merge"
     cp "$work/slurm-mtf-eval-merge-$merge.log" "$work/said"
     said "slice:7/$shards lacks"
@@ -172,6 +172,12 @@ test_slurm() {
     same "$work/slurm-out/merged"
     say "Slurm: a shard failed, one was cancelled, two were requeued; the merge named the two that lacked units;" \
         "a second submission completed them"
+}
+tries() { # N COMMAND...: Slurm has moments in which it takes no orders
+    local n=$1
+    shift
+    for _ in $(seq "$n"); do "$@" 2> /dev/null && return; sleep 1; done
+    return 1
 }
 runs() { # SHARD: waits until it says so
     for _ in $(seq 600); do [ -e "$work/slow-$1/runs" ] && sleep 0.5 && return; sleep 0.1; done

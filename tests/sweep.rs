@@ -346,6 +346,85 @@ esm.epsilon = 1e-3
 }
 
 #[test]
+fn company_does_not_change_a_tracker() {
+    let text = "data = 'data'\nsm = ['lk', 'aesm', 'nn', 'pf', 'regression']\nam = ['ssd', 'zncc', 'mi', 'lscv']\nssm = ['translation', 'affine', 'homography', 'spline']\n[params]\nres = '15x15'\nnn.n_samples = 100\npf.n_particles = 50\n";
+    let dir = place(text, &[5, 7]);
+    let dir = dir.path();
+    program(dir).args(grid("all")).assert().success();
+    let run: serde_json::Value =
+        serde_json::from_slice(&fs::read(dir.join("all/run.json")).unwrap()).unwrap();
+    let trackers = run["trackers"].as_array().unwrap();
+    assert!(trackers.len() > 100, "{}", trackers.len());
+    let mut random = <rand_pcg::Pcg64 as rand::SeedableRng>::seed_from_u64(7);
+    for _ in 0..20 {
+        let tracker = &trackers[random.random_range(0..trackers.len())];
+        let (id, slug) = (tracker["id"].as_str().unwrap(), tracker["slug"].as_str().unwrap());
+        program(dir)
+            .args([
+                "run",
+                "data",
+                "--quiet",
+                "--force",
+                "--out",
+                "one",
+                "--tracker",
+                id,
+            ])
+            .assert()
+            .success();
+        for sequence in ["seq0", "seq1"] {
+            let log = format!("frames/{slug}/data/{sequence}.csv");
+            let read = |out: &str| fs::read(dir.join(out).join(&log)).unwrap();
+            assert!(read("all") == read("one"), "{id} on {sequence}");
+        }
+        let rows = |out: &str| -> Vec<String> {
+            let text = fs::read_to_string(dir.join(out).join("sequences.csv")).unwrap();
+            let name = if id.contains(',') {
+                format!("\"{id}\",")
+            } else {
+                format!("{id},")
+            };
+            text.lines()
+                .filter(|l| l.starts_with(&name))
+                .map(str::to_owned)
+                .collect()
+        };
+        assert_eq!((rows("all").len(), rows("all")), (2, rows("one")));
+    }
+}
+
+#[test]
+fn valid_trackers_are_counted() {
+    let dir = tempfile::tempdir().unwrap();
+    let output = program(dir.path()).args(["list", "trackers"]).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    let count = text
+        .lines()
+        .find(|l| l.contains("valid single-layer trackers"))
+        .unwrap();
+    let numbers: Vec<usize> = count.split(' ').filter_map(|w| w.parse().ok()).collect();
+    assert!(
+        numbers[1] > 2000 && numbers[0] > numbers[1] && numbers[2] > 0,
+        "{count}"
+    );
+    assert!(text.contains("does not estimate illumination"));
+}
+
+#[test]
+fn the_plans_beside_the_scripts_work() {
+    let dir = tempfile::tempdir().unwrap();
+    let plans = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/plans");
+    for plan in fs::read_dir(plans).unwrap() {
+        program(dir.path())
+            .args(["plan", "--shards", "16", "--quiet", "--grid"])
+            .arg(plan.unwrap().path())
+            .assert()
+            .success()
+            .stdout(contains("slice:16/16"));
+    }
+}
+
+#[test]
 fn faults_of_a_grid_are_told_by_file_and_line() {
     let dir = place("", &[5]);
     let dir = dir.path();
