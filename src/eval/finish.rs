@@ -187,7 +187,7 @@ fn write_timing(dir: &RunDir, plan: &Plan, times: &[(Unit, UnitTime)]) -> Result
         out.write_record(fields)
             .map_err(|e| RunError::io(&path, e.into()))
     };
-    let header = "tracker,dataset,sequence,start,frames,init_seconds,seconds,fps,ms_median,ms_p95,fps_with_input,threads,comparable,cpu";
+    let header = "tracker,dataset,sequence,start,frames,seconds,fps,ms_median,ms_p95,fps_with_input,init_seconds,threads,comparable,cpu";
     write(&mut out, &header.split(',').collect::<Vec<_>>())?;
     for (unit, time) in times {
         let sequence = &plan.sequences[unit.sequence as usize];
@@ -203,12 +203,12 @@ fn write_timing(dir: &RunDir, plan: &Plan, times: &[(Unit, UnitTime)]) -> Result
                 &sequence.sequence,
                 &unit.start.to_string(),
                 &time.updates.to_string(),
-                &format!("{:.6}", time.init_seconds),
                 &format!("{:.6}", time.seconds),
                 &rate(time.seconds),
                 &format!("{:.4}", time.ms_median),
                 &format!("{:.4}", time.ms_p95),
                 &rate(time.seconds + time.input_seconds),
+                &format!("{:.6}", time.init_seconds),
                 &time.threads.to_string(),
                 if time.threads == 1 { "yes" } else { "no" },
                 &cpu,

@@ -94,7 +94,7 @@ pub(super) fn lanes(threads: usize, trackers: usize, groups: usize) -> usize {
 }
 
 /// Cuts the units of a sequence into groups, as many as it takes to occupy `threads`.
-pub(super) fn groups<'u>(units: &'u [Unit], threads: usize) -> impl Iterator<Item = &'u [Unit]> {
+pub(super) fn groups(units: &[Unit], threads: usize) -> impl Iterator<Item = &[Unit]> {
     units.chunks(GROUP.max(4 * threads))
 }
 
