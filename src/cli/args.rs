@@ -4,9 +4,12 @@ use super::basin::BasinArgs;
 use super::check::CheckArgs;
 use super::data::DataArgs;
 use super::diagnose::DiagnoseArgs;
+use super::merge::MergeArgs;
+use super::plan::PlanArgs;
+use super::status::StatusArgs;
 use super::synth::SynthArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use mtf_eval::eval::{Cut, Protocol, Shard};
+use mtf_eval::eval::{Protocol, Shard};
 use mtf_eval::output::Format;
 use mtf_eval::params::{ParamValue, Resolution};
 use std::path::PathBuf;
@@ -155,63 +158,6 @@ pub struct ExperimentArgs {
     /// Corners of each frame: a CSV file per unit (the default), compressed, or none (the journal keeps the errors)
     #[arg(long, value_name = "HOW", help_heading = "Execution")]
     pub frame_logs: Option<FrameLogsArg>,
-}
-
-/// Arguments of `plan`.
-#[derive(Args, Clone, Debug)]
-pub struct PlanArgs {
-    /// What would be run.
-    #[command(flatten)]
-    pub experiment: ExperimentArgs,
-    /// Estimate core-hours from N units, tracked for a few frames each
-    #[arg(long, value_name = "N", default_value = "0", help_heading = "Plan")]
-    pub measure: usize,
-    /// Show how it would be cut: `N` or `slice:N` (equal cost), `hash:N` (stable when the plan grows)
-    #[arg(long, value_name = "CUT", value_parser = cut, help_heading = "Plan")]
-    pub shards: Option<(Cut, u32)>,
-    /// List the trackers, too
-    #[arg(long, help_heading = "Plan")]
-    pub list: bool,
-    /// Form of what is printed
-    #[arg(long, value_name = "FORMAT", default_value = "table", help_heading = "Plan")]
-    pub format: Format,
-}
-
-/// Arguments of `status`.
-#[derive(Args, Clone, Debug)]
-pub struct StatusArgs {
-    /// Run directories
-    #[arg(value_name = "DIR", required = true)]
-    pub dirs: Vec<PathBuf>,
-    /// How many missing and failed units to name
-    #[arg(long, value_name = "N", default_value = "0")]
-    pub show: usize,
-    /// Form of what is printed
-    #[arg(long, value_name = "FORMAT", default_value = "table")]
-    pub format: Format,
-}
-
-/// Arguments of `merge`.
-#[derive(Args, Clone, Debug)]
-pub struct MergeArgs {
-    /// The run directory to make; shards merged into it before are kept
-    #[arg(value_name = "OUT")]
-    pub out: PathBuf,
-    /// Run directories of shards, in any order
-    #[arg(value_name = "SHARD", required = true)]
-    pub shards: Vec<PathBuf>,
-    /// Discard what OUT holds
-    #[arg(long)]
-    pub force: bool,
-    /// How many missing units to name
-    #[arg(long, value_name = "N", default_value = "10")]
-    pub show: usize,
-    /// Worker threads [default: all cores]
-    #[arg(short = 'j', long, value_name = "N", value_parser = at_least_one)]
-    pub threads: Option<usize>,
-    /// How to print the result.
-    #[command(flatten)]
-    pub table: TableArgs,
 }
 
 /// Which trackers, with which settings.
@@ -422,18 +368,6 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "expected a number above 0".into())
 }
 
-/// How to cut a plan: `N`, `slice:N` or `hash:N`.
-fn cut(text: &str) -> Result<(Cut, u32), String> {
-    let (name, count) = text.trim().split_once(':').unwrap_or(("slice", text.trim()));
-    let cut = match name {
-        "slice" => Some(Cut::Slice),
-        "hash" => Some(Cut::Hash),
-        _ => None,
-    };
-    cut.zip(count.parse().ok().filter(|n| (1..=1_000_000).contains(n)))
-        .ok_or_else(|| "expected a number of shards: N, slice:N or hash:N".into())
-}
-
 /// A time: seconds, or a number with s, m, h or d.
 fn duration(text: &str) -> Result<Duration, String> {
     let text = text.trim();
@@ -515,9 +449,6 @@ mod tests {
         );
         assert_eq!(duration("1.5m"), Ok(Duration::from_secs(90)));
         assert!(["", "m", "-1", "3w"].iter().all(|s| duration(s).is_err()));
-        assert_eq!(cut("16"), Ok((Cut::Slice, 16)));
-        assert_eq!(cut("hash:3"), Ok((Cut::Hash, 3)));
-        assert!(["", "0", "x:3", "hash:"].iter().all(|s| cut(s).is_err()));
         assert!(["x", "=", "x=", "=5"].iter().all(|s| assignment(s).is_err()));
     }
 

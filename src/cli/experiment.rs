@@ -8,7 +8,7 @@ use globset::{GlobBuilder, GlobSet, GlobSetBuilder};
 use mtf_eval::dataset::{self, Label, LoadOptions, Sequence};
 use mtf_eval::eval::baseline::recordable;
 use mtf_eval::eval::grid::{Grid, GridError};
-use mtf_eval::eval::plan::sequence_id;
+use mtf_eval::eval::request::sequence_id;
 use mtf_eval::eval::{FrameLogs, Protocol, RunRequest, TrackerEntry};
 use mtf_eval::image::parse_preprocessor;
 use mtf_eval::registry::{Registry, Selection, SpecError, TrackerSpec};

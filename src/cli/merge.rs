@@ -1,11 +1,35 @@
 //! `mtf-eval merge`: joins the run directories of shards.
 
-use super::args::{MergeArgs, ProgressMode};
+use super::args::{ProgressMode, TableArgs, at_least_one};
 use super::progress::Progress;
 use super::run::{failure, show};
 use super::{Console, Failure, Outcome, exit};
 use mtf_eval::eval::merge::{MergeRequest, Merged, merge};
 use serde_json::Map;
+use std::path::PathBuf;
+
+/// Arguments of `merge`.
+#[derive(clap::Args, Clone, Debug)]
+pub struct MergeArgs {
+    /// The run directory to make; shards merged into it before are kept
+    #[arg(value_name = "OUT")]
+    pub out: PathBuf,
+    /// Run directories of shards, in any order
+    #[arg(value_name = "SHARD", required = true)]
+    pub shards: Vec<PathBuf>,
+    /// Discard what OUT holds
+    #[arg(long)]
+    pub force: bool,
+    /// How many missing units to name
+    #[arg(long, value_name = "N", default_value = "10")]
+    pub show: usize,
+    /// Worker threads [default: all cores]
+    #[arg(short = 'j', long, value_name = "N", value_parser = at_least_one)]
+    pub threads: Option<usize>,
+    /// How to print the result.
+    #[command(flatten)]
+    pub table: TableArgs,
+}
 
 /// Runs the command.
 ///

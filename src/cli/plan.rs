@@ -1,16 +1,48 @@
 //! `mtf-eval plan`: what an experiment contains, what it costs, how it is cut.
 
-use super::args::PlanArgs;
+use super::args::ExperimentArgs;
 use super::experiment::experiment;
 use super::run::failure;
 use super::{Console, Outcome, print};
 use mtf_eval::eval::estimate::{Estimate, estimate};
 use mtf_eval::eval::shard::Sharding;
-use mtf_eval::eval::{Plan, Shard};
+use mtf_eval::eval::{Cut, Plan, Shard};
 use mtf_eval::output::{Format, render};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 use std::process::ExitCode;
+
+/// Arguments of `plan`.
+#[derive(clap::Args, Clone, Debug)]
+pub struct PlanArgs {
+    /// What would be run.
+    #[command(flatten)]
+    pub experiment: ExperimentArgs,
+    /// Estimate core-hours from N units, tracked for a few frames each
+    #[arg(long, value_name = "N", default_value = "0", help_heading = "Plan")]
+    pub measure: usize,
+    /// Show how it would be cut: `N` or `slice:N` (equal cost), `hash:N` (stable when the plan grows)
+    #[arg(long, value_name = "CUT", value_parser = cut, help_heading = "Plan")]
+    pub shards: Option<(Cut, u32)>,
+    /// List the trackers, too
+    #[arg(long, help_heading = "Plan")]
+    pub list: bool,
+    /// Form of what is printed
+    #[arg(long, value_name = "FORMAT", default_value = "table", help_heading = "Plan")]
+    pub format: Format,
+}
+
+/// How to cut a plan: `N`, `slice:N` or `hash:N`.
+fn cut(text: &str) -> Result<(Cut, u32), String> {
+    let (name, count) = text.trim().split_once(':').unwrap_or(("slice", text.trim()));
+    let cut = match name {
+        "slice" => Some(Cut::Slice),
+        "hash" => Some(Cut::Hash),
+        _ => None,
+    };
+    cut.zip(count.parse().ok().filter(|n| (1..=1_000_000).contains(n)))
+        .ok_or_else(|| "expected a number of shards: N, slice:N or hash:N".into())
+}
 
 /// One part of a plan.
 #[derive(Clone, Default)]
@@ -137,4 +169,16 @@ fn totals(plan: &Plan, estimate: Option<&Estimate>) -> Vec<(&'static str, Value,
         ));
     }
     rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cuts_are_named() {
+        assert_eq!(cut("16"), Ok((Cut::Slice, 16)));
+        assert_eq!(cut("hash:3"), Ok((Cut::Hash, 3)));
+        assert!(["", "0", "x:3", "hash:"].iter().all(|s| cut(s).is_err()));
+    }
 }

@@ -1,11 +1,25 @@
 //! `mtf-eval status`: how far run directories are.
 
-use super::args::StatusArgs;
 use super::run::failure;
 use super::{Console, Failure, Outcome, exit, print};
 use mtf_eval::eval::status::{Activity, Status, status};
 use mtf_eval::output::{Format, render};
+use std::path::PathBuf;
 use std::process::ExitCode;
+
+/// Arguments of `status`.
+#[derive(clap::Args, Clone, Debug)]
+pub struct StatusArgs {
+    /// Run directories
+    #[arg(value_name = "DIR", required = true)]
+    pub dirs: Vec<PathBuf>,
+    /// How many missing and failed units to name
+    #[arg(long, value_name = "N", default_value = "0")]
+    pub show: usize,
+    /// Form of what is printed
+    #[arg(long, value_name = "FORMAT", default_value = "table")]
+    pub format: Format,
+}
 
 /// Runs the command.
 ///

@@ -4,7 +4,8 @@
 //! and `F` frames takes `U i + (F - U) u` of one core.
 
 use super::journal::Journal;
-use super::plan::{FrameLogs, Keys, RunRequest};
+use super::plan::{FrameLogs, Keys};
+use super::request::RunRequest;
 use super::rundir::RunError;
 use super::runner::{Silent, run};
 use std::sync::atomic::AtomicBool;

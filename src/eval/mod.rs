@@ -17,6 +17,7 @@ pub mod merge;
 pub mod panics;
 pub mod plan;
 pub mod protocol;
+pub mod request;
 pub mod rundir;
 pub mod runner;
 pub mod score;
@@ -24,8 +25,9 @@ pub mod shard;
 pub mod status;
 mod truth;
 
-pub use plan::{FrameLogs, Plan, RunRequest, TrackerEntry, Unit};
+pub use plan::{FrameLogs, Plan, Unit};
 pub use protocol::Protocol;
+pub use request::{RunRequest, TrackerEntry};
 pub use rundir::RunError;
 pub use runner::{Observer, RunReport, Silent, run};
 pub use shard::{Cut, Shard};

@@ -1,7 +1,8 @@
 //! Ground truth of a run's sequences, kept in the run directory (`truth.csv`: data set, sequence, frame, four corners in
 //! px, whether there is a dense grid), so that shards are joined and figures made again where the data is not.
 
-use super::plan::{PlannedSequence, Prepared};
+use super::plan::PlannedSequence;
+use super::request::Prepared;
 use super::rundir::RunError;
 use crate::geom::Corners;
 use std::collections::HashMap;
