@@ -158,7 +158,7 @@ test_slurm() {
     scancel "${array}_16" || fail "cannot cancel"
     # One is preempted (TERM, and Slurm queues it again), one near its time limit (USR1, and it queues itself again).
     runs 9 && { tries 10 scontrol requeue "${array}_9" || fail "cannot requeue"; }
-    runs 10 && { tries 10 scancel --signal=USR1 --batch "${array}_10" || fail "cannot signal"; }
+    runs 10 && { tries 10 scancel --signal=USR1 --batch "$(squeue -h -j "${array}_10" -o %A)" || fail "cannot signal"; }
     wait_for "$merge"
     cp "$work/slurm-mtf-eval-merge-$merge.log" "$work/said"
     said "slice:7/$shards lacks"
@@ -176,7 +176,8 @@ test_slurm() {
 tries() { # N COMMAND...: Slurm has moments in which it takes no orders
     local n=$1
     shift
-    for _ in $(seq "$n"); do "$@" 2> /dev/null && return; sleep 1; done
+    for _ in $(seq "$n"); do "$@" 2> "$work/refused" && return; sleep 1; done
+    cat "$work/refused"
     return 1
 }
 runs() { # SHARD: waits until it says so
