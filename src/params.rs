@@ -56,6 +56,16 @@ pub enum ParamError {
 }
 
 impl ParamError {
+    /// The parameter, and the text given for it.
+    pub fn culprit(&self) -> (&str, Option<&str>) {
+        match self {
+            ParamError::Unknown { name } => (name, None),
+            ParamError::Value { name, value, .. } | ParamError::Unusable { name, value, .. } => {
+                (name, Some(value))
+            }
+        }
+    }
+
     /// The error for a text that `T` did not accept as parameter `name`, of which `allowed` would be.
     pub fn refused<T: ParamValue>(name: &'static str, value: &str, allowed: String) -> Self {
         let value = value.to_owned();

@@ -6,11 +6,16 @@ use super::check::CheckArgs;
 use super::compare::CompareArgs;
 use super::data::DataArgs;
 use super::diagnose::DiagnoseArgs;
+use super::merge::MergeArgs;
+use super::plan::PlanArgs;
+use super::status::StatusArgs;
 use super::synth::SynthArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use mtf_eval::eval::{Protocol, Shard};
 use mtf_eval::output::Format;
 use mtf_eval::params::{ParamValue, Resolution};
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// Evaluates registration-based trackers: every search method x appearance model x state space model, on image
 /// sequences with ground-truth corners.
@@ -90,6 +95,12 @@ pub enum ProgressMode {
 pub enum Command {
     /// Track every requested combination over every sequence, write a run directory, print a table
     Run(Box<RunArgs>),
+    /// Say what an experiment contains, what it costs and how it is cut into shards
+    Plan(Box<PlanArgs>),
+    /// Say how far a run directory is: exit 0 complete, 20 some units failed, 21 units missing
+    Status(StatusArgs),
+    /// Join the run directories of shards into one: exit 21 and nothing written when units are missing
+    Merge(MergeArgs),
     /// Compare a run with a recorded baseline: exit 0 or 10
     Check(CheckArgs),
     /// Compare runs: what changed, and whether it is more than chance
@@ -118,21 +129,41 @@ pub enum Command {
 /// Arguments of `run`.
 #[derive(Args, Clone, Debug)]
 pub struct RunArgs {
-    /// Folders with sequences and ground truth [default: the embedded data set `builtin`]
-    #[arg(value_name = "DATA")]
-    pub data: Vec<PathBuf>,
-    /// Which trackers.
+    /// What to run.
     #[command(flatten)]
-    pub trackers: TrackerArgs,
-    /// Which frames.
-    #[command(flatten)]
-    pub selection: SelectionArgs,
+    pub experiment: ExperimentArgs,
     /// How to run.
     #[command(flatten)]
     pub execution: ExecutionArgs,
     /// How to print the result.
     #[command(flatten)]
     pub table: TableArgs,
+}
+
+/// What to run: flags, over what a file says.
+#[derive(Args, Clone, Debug)]
+pub struct ExperimentArgs {
+    /// Folders with sequences and ground truth [default: the embedded data set `builtin`]
+    #[arg(value_name = "DATA")]
+    pub data: Vec<PathBuf>,
+    /// Take the experiment from a file (TOML); flags override what it says
+    #[arg(long, value_name = "FILE")]
+    pub grid: Option<PathBuf>,
+    /// Which trackers.
+    #[command(flatten)]
+    pub trackers: TrackerArgs,
+    /// Which frames.
+    #[command(flatten)]
+    pub selection: SelectionArgs,
+    /// Seed of all randomness [default: 0]
+    #[arg(long, value_name = "N", help_heading = "Execution")]
+    pub seed: Option<u64>,
+    /// Fail a unit whose updates take longer than this together
+    #[arg(long, value_name = "SECONDS", value_parser = positive, help_heading = "Execution")]
+    pub timeout: Option<f64>,
+    /// Corners of each frame: a CSV file per unit (the default), compressed, or none (the journal keeps the errors)
+    #[arg(long, value_name = "HOW", help_heading = "Execution")]
+    pub frame_logs: Option<FrameLogsArg>,
 }
 
 /// Which trackers, with which settings.
@@ -155,6 +186,12 @@ pub struct TrackerArgs {
     /// A tracker by expression, such as `iclk/ssd+gb/affine{max_iters=50}`; repeatable
     #[arg(long = "tracker", value_name = "EXPR")]
     pub expressions: Vec<String>,
+    /// Only trackers whose id matches, such as `*/ncc/*`; repeatable
+    #[arg(long, value_name = "GLOB")]
+    pub include: Vec<String>,
+    /// No trackers whose id matches; repeatable
+    #[arg(long, value_name = "GLOB")]
+    pub exclude: Vec<String>,
     /// Set a parameter: `esm.max_iters=50` or `sm.esm.max_iters=50`; repeatable (see `list params`)
     #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
     pub set: Vec<(String, String)>,
@@ -170,9 +207,9 @@ pub struct TrackerArgs {
     /// Image channels to track in: 1 (gray) or 3 [default: 1]
     #[arg(long, value_name = "N", value_parser = channels)]
     pub channels: Option<usize>,
-    /// Filter applied to each frame: `none`, `gaussian[:size[:sigma]]`
-    #[arg(long, value_name = "FILTER", default_value = "gaussian:5:3")]
-    pub pre: String,
+    /// Filter applied to each frame: `none`, `gaussian[:size[:sigma]]` [default: gaussian:5:3]
+    #[arg(long, value_name = "FILTER")]
+    pub pre: Option<String>,
 }
 
 /// Which sequences and frames.
@@ -188,16 +225,20 @@ pub struct SelectionArgs {
     /// Only the first N frames of each sequence (after --frame-gap)
     #[arg(long, value_name = "N", value_parser = at_least_two)]
     pub max_frames: Option<usize>,
-    /// Only every K-th frame
-    #[arg(long, value_name = "K", default_value = "1", value_parser = at_least_one)]
-    pub frame_gap: usize,
+    /// Only every K-th frame [default: 1]
+    #[arg(long, value_name = "K", value_parser = at_least_one)]
+    pub frame_gap: Option<usize>,
+    /// Where trackers start: ope (the first frame, one pass), subseq[:n] (n frames, a pass from each to the end)
+    /// [default: ope]
+    #[arg(long, value_name = "PROTOCOL")]
+    pub protocol: Option<Protocol>,
     /// Fit the ground truth with this warp first (translation, isometry, ...), to judge trackers of few degrees of freedom
     /// by what they can follow
     #[arg(long, value_name = "SSM")]
     pub gt_ssm: Option<String>,
-    /// What to do with a sequence whose data is faulty
-    #[arg(long, value_name = "WHAT", default_value = "fail")]
-    pub on_bad_data: OnBadData,
+    /// What to do with a sequence whose data is faulty [default: fail]
+    #[arg(long, value_name = "WHAT")]
+    pub on_bad_data: Option<OnBadData>,
 }
 
 /// What to do with faulty data.
@@ -219,24 +260,25 @@ pub struct ExecutionArgs {
     /// Discard what --out holds and start afresh
     #[arg(long)]
     pub force: bool,
-    /// Seed of all randomness
-    #[arg(long, value_name = "N", default_value = "0")]
-    pub seed: u64,
-    /// Worker threads (never changes a result) [default: all cores]
+    /// Run a part only, to be joined by `merge`: slice:i/n (equal cost) or hash:i/n, i from 1
+    #[arg(long, value_name = "PART")]
+    pub shard: Option<Shard>,
+    /// Worker threads (never changes a result) [default: SLURM_CPUS_PER_TASK, else all cores]
     #[arg(short = 'j', long, value_name = "N", value_parser = at_least_one)]
     pub threads: Option<usize>,
     /// Threads that a single tracker may use: particle filters and grids share out their work (never changes a result)
     #[arg(long, value_name = "N", default_value = "1", value_parser = at_least_one)]
     pub threads_per_tracker: usize,
-    /// Memory for trackers, such as 4G (never changes a result) [default: half of the machine's]
+    /// Memory for trackers, such as 4G (never changes a result) [default: half of the
+    /// machine's or the Slurm job's, at most 3G]
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub memory: Option<u64>,
-    /// Fail a unit whose updates take longer than this together
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
-    pub timeout: Option<f64>,
-    /// Corners of each frame: a CSV file per unit, or none (the journal keeps the errors)
-    #[arg(long, value_name = "HOW", default_value = "csv")]
-    pub frame_logs: FrameLogsArg,
+    /// Stop after this time (90, 90s, 15m, 2h) as by a signal: exit 75, run again to go on
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    pub max_time: Option<Duration>,
+    /// Time for units in progress to end after SIGTERM, SIGINT, SIGUSR1 or --max-time; a second signal ends at once
+    #[arg(long, value_name = "TIME", default_value = "20s", value_parser = duration)]
+    pub grace: Duration,
 }
 
 /// Where frame logs go.
@@ -244,6 +286,8 @@ pub struct ExecutionArgs {
 pub enum FrameLogsArg {
     /// A CSV file per unit
     Csv,
+    /// A CSV file per unit, compressed (Zstandard)
+    Zst,
     /// Nowhere
     None,
 }
@@ -333,6 +377,24 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "expected a number above 0".into())
 }
 
+/// A time: seconds, or a number with s, m, h or d.
+fn duration(text: &str) -> Result<Duration, String> {
+    let text = text.trim();
+    let number = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match &text[number.len()..] {
+        "" | "s" => Some(1.0),
+        "m" | "min" => Some(60.0),
+        "h" => Some(3600.0),
+        "d" => Some(86400.0),
+        _ => None,
+    };
+    let number: Option<f64> = number.parse().ok().filter(|v: &f64| (0.0..1e9).contains(v));
+    match (number, unit) {
+        (Some(number), Some(unit)) => Ok(Duration::from_secs_f64(number * unit)),
+        _ => Err("expected a time such as 90, 90s, 15m or 2h".into()),
+    }
+}
+
 fn at_least(least: usize, text: &str) -> Result<usize, String> {
     let value = text.trim().parse().ok();
     value
@@ -344,7 +406,7 @@ pub(super) fn at_least_one(text: &str) -> Result<usize, String> {
     at_least(1, text)
 }
 
-fn at_least_two(text: &str) -> Result<usize, String> {
+pub(super) fn at_least_two(text: &str) -> Result<usize, String> {
     at_least(2, text)
 }
 
@@ -394,6 +456,8 @@ mod tests {
             assignment("esm.max_iters = 5"),
             Ok(("esm.max_iters".into(), "5".into()))
         );
+        assert_eq!(duration("1.5m"), Ok(Duration::from_secs(90)));
+        assert!(["", "m", "-1", "3w"].iter().all(|s| duration(s).is_err()));
         assert!(["x", "=", "x=", "=5"].iter().all(|s| assignment(s).is_err()));
     }
 
@@ -401,7 +465,7 @@ mod tests {
     fn lists_may_be_joined_or_repeated() {
         let cli = Cli::parse_from(["mtf-eval", "run", "--sm", "esm,fclk", "--sm", "nn", "data"]);
         let Command::Run(args) = cli.command else { panic!() };
-        assert_eq!(args.trackers.sm, ["esm", "fclk", "nn"]);
-        assert_eq!(args.data, [PathBuf::from("data")]);
+        assert_eq!(args.experiment.trackers.sm, ["esm", "fclk", "nn"]);
+        assert_eq!(args.experiment.data, [PathBuf::from("data")]);
     }
 }

@@ -1,7 +1,7 @@
 //! `mtf-eval basin`: how far from the truth a tracker may start.
 
 use super::args::TrackerArgs;
-use super::run::trackers;
+use super::experiment::{USUAL_FILTER, trackers};
 use super::{Console, Failure, Outcome, exit, print};
 use mtf_eval::eval::basin::{self, BasinError, BasinRequest, BasinRow, Texture};
 use mtf_eval::image::{Frame, Identity, decode, parse_preprocessor};
@@ -104,7 +104,8 @@ pub fn run(args: &BasinArgs, console: &Console) -> Outcome {
         trials: args.trials,
         side: args.side,
         updates: args.updates,
-        pre: parse_preprocessor(&args.trackers.pre).map_err(Failure::usage)?,
+        pre: parse_preprocessor(args.trackers.pre.as_deref().unwrap_or(USUAL_FILTER))
+            .map_err(Failure::usage)?,
         seed: args.seed,
     };
     let pool = rayon::ThreadPoolBuilder::new()

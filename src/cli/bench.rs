@@ -1,13 +1,14 @@
 //! `mtf-eval bench`: how fast trackers are.
 
 use super::args::{SelectionArgs, TrackerArgs, at_least_one, positive};
-use super::run::{expand, sequences, stop_on_signals};
+use super::experiment::{USUAL_FILTER, expand, sequences};
+use super::run::stop_on_signals;
 use super::{Console, Failure, Outcome, exit, print};
 use mtf_eval::eval::bench::{self, BenchRequest, BenchRow, Measurement, SCHEMA_VERSION};
 use mtf_eval::eval::machine::Machine;
-use mtf_eval::eval::plan::sequence_id;
+use mtf_eval::eval::request::sequence_id;
 use mtf_eval::image::parse_preprocessor;
-use mtf_eval::output::{Format, bars_svg, render, write_atomic};
+use mtf_eval::output::{Durable, Format, bars_svg, render, write_atomic};
 use mtf_eval::registry::Registry;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -66,13 +67,14 @@ pub struct BenchArgs {
 pub fn run(args: &BenchArgs, console: &Console) -> Outcome {
     let others = args.against.as_deref().map(read).transpose()?;
     let registry = Arc::new(Registry::builtin());
-    let (trackers, refused) = expand(&args.trackers, &registry)?;
+    let (trackers, refused) = expand(&args.trackers, &registry, console)?;
     let mut selection = args.selection.clone();
     selection.max_frames.get_or_insert(MOST_FRAMES);
     let request = BenchRequest {
         trackers,
         sequences: sequences(&args.data, &selection, console)?,
-        pre: parse_preprocessor(&args.trackers.pre).map_err(Failure::usage)?,
+        pre: parse_preprocessor(args.trackers.pre.as_deref().unwrap_or(USUAL_FILTER))
+            .map_err(Failure::usage)?,
         repeats: args.repeats,
         budget: Duration::from_secs_f64(args.budget),
         seed: args.seed,
@@ -162,7 +164,7 @@ fn read(path: &Path) -> Result<Measurement, Failure> {
 }
 
 fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    write_atomic(path, |w| w.write_all(text.as_bytes())).map_err(Failure::usage)
+    write_atomic(path, Durable::Now, |w| w.write_all(text.as_bytes())).map_err(Failure::usage)
 }
 
 fn pretty(value: &impl serde::Serialize) -> String {

@@ -5,7 +5,7 @@ mod report;
 use anyhow::{Context, bail, ensure};
 use mtf_eval::eval::baseline::{Baseline, recorded_command};
 use mtf_eval::eval::gate::{Change, Tolerances};
-use mtf_eval::output::{Format, junit, read_summary, write_atomic};
+use mtf_eval::output::{Durable, Format, junit, read_summary, write_atomic};
 use report::{Report, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -143,7 +143,7 @@ pub fn run(
     write!(out, "{}", report.text(args.format))?;
     if let Some(path) = &args.junit {
         let xml = junit(&old, &comparison, &tolerances)?;
-        write_atomic(path, |w| w.write_all(xml.as_bytes()))?;
+        write_atomic(path, Durable::Now, |w| w.write_all(xml.as_bytes()))?;
     }
     summarise(args, &report.markdown(&dir))?;
     Ok(ExitCode::from(comparison.verdict().exit_code()))
@@ -152,7 +152,7 @@ pub fn run(
 /// Writes the summary where the user and the CI service want it.
 fn summarise(args: &CheckArgs, markdown: &str) -> anyhow::Result<()> {
     if let Some(path) = &args.summary_md {
-        write_atomic(path, |w| w.write_all(markdown.as_bytes()))?;
+        write_atomic(path, Durable::Now, |w| w.write_all(markdown.as_bytes()))?;
     }
     if let Some(path) = std::env::var_os("GITHUB_STEP_SUMMARY").filter(|p| !p.is_empty()) {
         let path = Path::new(&path);

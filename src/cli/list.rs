@@ -4,10 +4,12 @@ use super::args::{ListArgs, ListWhat};
 use super::{Failure, Outcome, print};
 use mtf_eval::dataset::{self, LoadOptions, OnBadData};
 use mtf_eval::eval::error::Metric;
+use mtf_eval::ilm::IlmEntry;
 use mtf_eval::output::{Format, render};
 use mtf_eval::params::ParamInfo;
-use mtf_eval::registry::{Registry, Selection};
+use mtf_eval::registry::{Expansion, Registry, Selection};
 use serde_json::{Map, Value};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -16,6 +18,8 @@ struct Listing {
     title: &'static str,
     header: Vec<&'static str>,
     rows: Vec<Vec<String>>,
+    /// Said after the rows, for people.
+    note: String,
 }
 
 /// Prints what `args` asks for.
@@ -38,7 +42,7 @@ pub fn run(args: &ListArgs) -> Outcome {
             format!("{:#}\n", Value::Object(all))
         }
         (Format::Csv, many) => many.iter().map(csv).collect::<Result<Vec<_>, _>>()?.join("\n"),
-        (format, [one]) => render(&one.header, &one.rows, format, false),
+        (format, [one]) => format!("{}{}", render(&one.header, &one.rows, format, false), one.note),
         (format, many) => {
             let section =
                 |l: &Listing| format!("{}\n\n{}", l.title, render(&l.header, &l.rows, format, false));
@@ -52,6 +56,7 @@ pub fn run(args: &ListArgs) -> Outcome {
 
 fn listing(what: ListWhat, registry: &Registry, data: &[PathBuf]) -> Result<Listing, Failure> {
     let row = |cells: &[&str]| cells.iter().map(|s| s.to_string()).collect::<Vec<String>>();
+    let mut note = String::new();
     let (title, header, rows) = match what {
         ListWhat::Sm => {
             let describe = |e: &mtf_eval::sm::SmEntry| {
@@ -138,6 +143,7 @@ fn listing(what: ListWhat, registry: &Registry, data: &[PathBuf]) -> Result<List
                 .iter()
                 .map(|spec| row(&[&spec.to_string(), "yes", ""]));
             let refused = expansion.refused.iter().map(|r| row(&[&r.id, "no", &r.reason]));
+            note = count(&expansion);
             (
                 "trackers",
                 vec!["tracker", "valid", "reason"],
@@ -214,7 +220,36 @@ fn listing(what: ListWhat, registry: &Registry, data: &[PathBuf]) -> Result<List
             )
         }
     };
-    Ok(Listing { title, header, rows })
+    Ok(Listing {
+        title,
+        header,
+        rows,
+        note,
+    })
+}
+
+/// How many trackers are valid, and how many are refused for which reason.
+fn count(expansion: &Expansion) -> String {
+    let plain = expansion
+        .specs
+        .iter()
+        .filter(|s| s.parts().3 == IlmEntry::NONE.name)
+        .count();
+    let mut text = format!(
+        "\n{} valid single-layer trackers, {plain} of them without an illumination model; {} refused",
+        expansion.specs.len(),
+        expansion.refused.len()
+    );
+    let mut reasons = BTreeMap::<&str, usize>::new();
+    for refusal in &expansion.refused {
+        *reasons.entry(&refusal.reason).or_default() += 1;
+    }
+    let mut reasons: Vec<_> = reasons.into_iter().collect();
+    reasons.sort_by_key(|&(_, n)| std::cmp::Reverse(n));
+    for (reason, n) in reasons {
+        text += &format!("\n{n:6}  {reason}");
+    }
+    text + "\n"
 }
 
 /// An array with an object per row.

@@ -7,9 +7,13 @@ mod check;
 mod compare;
 mod data;
 mod diagnose;
+mod experiment;
 mod list;
+mod merge;
+mod plan;
 mod progress;
 mod run;
+mod status;
 mod synth;
 
 use args::{Cli, Command, Messages, When};
@@ -28,6 +32,8 @@ pub mod exit {
     pub const NOT_COMPARABLE: u8 = 11;
     /// Some runs failed.
     pub const FAILED: u8 = 20;
+    /// Incomplete: shards or units are missing.
+    pub const INCOMPLETE: u8 = 21;
     /// Stopped early; nothing lost, run again.
     pub const STOPPED: u8 = 75;
 }
@@ -163,6 +169,9 @@ pub fn main() -> ExitCode {
 fn dispatch(cli: Cli, console: &Console) -> Outcome {
     match cli.command {
         Command::Run(args) => run::run(&args, cli.messages.progress, console),
+        Command::Plan(args) => plan::run(&args, console),
+        Command::Status(args) => status::run(&args, console),
+        Command::Merge(args) => merge::run(&args, cli.messages.progress, console),
         Command::List(args) => list::run(&args),
         Command::Data(args) => data::run(&args).or_else(ended),
         Command::Check(args) => {

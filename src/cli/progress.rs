@@ -127,6 +127,15 @@ impl Observer for Progress<'_> {
         }
     }
 
+    fn stopping(&self, grace: Duration) {
+        if !self.console.quiet {
+            let seconds = grace.as_secs_f64();
+            self.say(&format!(
+                "stopping: units in progress have {seconds} s to end (interrupt again to stop at once)"
+            ));
+        }
+    }
+
     fn end(&self) {
         self.bar.finish_and_clear();
         if let Some(begin) = self.began.get().filter(|_| !self.console.quiet) {

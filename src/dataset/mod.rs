@@ -40,8 +40,21 @@ pub struct Dataset {
     pub name: String,
     /// In natural order of their places.
     pub sequences: Vec<Sequence>,
+    /// Sequences that [`load_where`] was not to open.
+    pub unwanted: usize,
     /// What [`OnBadData::Skip`] left out; empty under [`OnBadData::Fail`].
     pub skipped: Vec<Fault>,
+}
+
+/// What is known of a sequence before it is opened.
+#[derive(Clone, Copy, Debug)]
+pub struct Label<'a> {
+    /// Name of the dataset that the sequence belongs to.
+    pub dataset: &'a str,
+    /// Name, unique within the dataset.
+    pub name: &'a str,
+    /// Words that say what is hard about it.
+    pub tags: &'a [String],
 }
 
 /// What to do about faulty data.
@@ -83,6 +96,15 @@ impl Default for LoadOptions {
 /// Loads the dataset at `path`: a sequence, a folder of sequences, or [`BUILTIN`]. Layout and form of the ground truth
 /// are detected. Reads ground truth and the header of each first frame; other frames are only read on demand.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError> {
+    load_where(path, options, &|_| true)
+}
+
+/// As [`load`], but only sequences that are `wanted`: what is wrong with the others does not matter.
+pub fn load_where(
+    path: &Path,
+    options: &LoadOptions,
+    wanted: &dyn Fn(&Label<'_>) -> bool,
+) -> Result<Dataset, DatasetError> {
     let root = resolve(path)?;
     let found = layout::find(&root)?;
     let name = match &found[..] {
@@ -92,12 +114,18 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError>
     let mut dataset = Dataset {
         name,
         sequences: Vec::new(),
+        unwanted: 0,
         skipped: Vec::new(),
     };
     let mut last = None;
     for found in found {
+        let draft = Draft::new(found);
+        if !wanted(&draft.label()) {
+            dataset.unwanted += 1;
+            continue;
+        }
         let mut faults = Vec::new();
-        let sequence = open(Draft::new(found), options, &mut faults);
+        let sequence = open(draft, options, &mut faults);
         if options.on_bad_data == OnBadData::Fail && !faults.is_empty() {
             return Err(faults.swap_remove(0));
         }

@@ -4,7 +4,7 @@ use super::grid::{self, GRID_FILE, Grid};
 use super::layout::Found;
 use super::sequence::{Sequence, Whole};
 use super::truth::{self, Truth};
-use super::{DatasetError, DatasetErrorKind};
+use super::{DatasetError, DatasetErrorKind, Label};
 use crate::image::dimensions;
 use sha2::{Digest, Sha256};
 
@@ -60,6 +60,15 @@ impl Draft {
             tags,
             fatal,
             warnings,
+        }
+    }
+
+    /// What it is called.
+    pub fn label(&self) -> Label<'_> {
+        Label {
+            dataset: &self.found.dataset,
+            name: &self.found.name,
+            tags: &self.tags,
         }
     }
 

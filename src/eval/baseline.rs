@@ -3,7 +3,7 @@
 
 use super::aggregate::{ALL_DATASETS, Average, POOLED, Results};
 use super::score::Score;
-use crate::output::{OutputError, write_atomic};
+use crate::output::{Durable, OutputError, write_atomic};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
 
@@ -242,14 +242,18 @@ impl Baseline {
     /// [`BaselineError`] naming the file.
     pub fn write(&self, path: &Path) -> Result<(), BaselineError> {
         let text = self.to_json();
-        Ok(write_atomic(path, |w| w.write_all(text.as_bytes()))?)
+        let at = |source| OutputError::Io {
+            path: path.to_owned(),
+            source,
+        };
+        Ok(write_atomic(path, Durable::Now, |w| w.write_all(text.as_bytes())).map_err(at)?)
     }
 }
 
 /// The arguments of `mtf-eval run` without what cannot change a figure (where to write, how many threads, what to
 /// print), so that a baseline says the same whoever recorded it. A leading program name and `run` are dropped.
 pub fn recordable(command: &[String]) -> Vec<String> {
-    const WITH_VALUE: [&str; 14] = [
+    const WITH_VALUE: [&str; 15] = [
         "--out",
         "-o",
         "--threads",
@@ -263,6 +267,7 @@ pub fn recordable(command: &[String]) -> Vec<String> {
         "--top",
         "--memory",
         "--max-time",
+        "--grace",
         "--frame-logs",
     ];
     const ALONE: [&str; 7] = ["-q", "--quiet", "-v", "-vv", "--verbose", "--force", "--resume"];

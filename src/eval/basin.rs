@@ -4,7 +4,7 @@
 //! tracker, which knows the box in the unwarped image, starts there. It has converged when it is within a threshold
 //! of the moved corners after a few updates on the warped image. All trackers see the same warps.
 
-use super::plan::TrackerEntry;
+use super::request::TrackerEntry;
 use crate::geom::{Corners, Mat3, homography};
 use crate::image::{Frame, Image, PreProcessor};
 use crate::tracker::Tracker;

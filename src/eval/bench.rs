@@ -8,7 +8,7 @@
 use super::error::frame_error;
 use super::machine::Machine;
 use super::panics;
-use super::plan::{TrackerEntry, sequence_id};
+use super::request::{TrackerEntry, sequence_id};
 use super::score::Sample;
 use crate::dataset::Sequence;
 use crate::image::{Frame, PreProcessor};

@@ -2,7 +2,11 @@
 //! scored again at any time.
 
 use super::error::{FrameError, frame_error};
+use super::plan::FrameLogs;
 use crate::geom::Corners;
+use ruzstd::decoding::StreamingDecoder;
+use ruzstd::encoding::{CompressionLevel, compress_to_vec};
+use std::io::Read;
 
 /// One row of a frame log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,6 +82,29 @@ fn quoted(field: &str) -> std::borrow::Cow<'_, str> {
     } else {
         field.into()
     }
+}
+
+/// The bytes that go to the disk.
+pub fn pack_log(text: Vec<u8>, logs: FrameLogs) -> Vec<u8> {
+    match logs {
+        FrameLogs::Zst => compress_to_vec(text.as_slice(), CompressionLevel::Fastest),
+        _ => text,
+    }
+}
+
+/// The text of a log from the bytes on the disk, compressed or not.
+///
+/// # Errors
+/// What is wrong with the compressed bytes.
+pub fn unpack_log(bytes: Vec<u8>) -> Result<Vec<u8>, String> {
+    const MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+    if !bytes.starts_with(&MAGIC) {
+        return Ok(bytes);
+    }
+    let mut text = Vec::new();
+    let mut decoder = StreamingDecoder::new(bytes.as_slice()).map_err(|e| e.to_string())?;
+    decoder.read_to_end(&mut text).map_err(|e| e.to_string())?;
+    Ok(text)
 }
 
 /// What a frame log holds that scores are made of.
@@ -164,7 +191,9 @@ mod tests {
                 .collect();
             let name = |i: usize| format!("frame,{i}.jpg");
             let truth = |i: usize| (i.is_multiple_of(2)).then(|| Corners::rect(0.0, 0.0, 9.0, 9.0));
-            let log = parse_log(&format_log(&rows, start, name, truth)).unwrap();
+            let text = format_log(&rows, start, name, truth);
+            prop_assert_eq!(&unpack_log(pack_log(text.clone(), FrameLogs::Zst)).unwrap(), &text);
+            let log = parse_log(&text).unwrap();
             prop_assert_eq!(log.start, start);
             prop_assert_eq!(log.grid, rows.iter().filter_map(|r| r.grid).collect::<Vec<_>>());
             for (row, read) in rows.iter().zip(&log.corners) {

@@ -3,12 +3,14 @@
 //! Lines are appended as units finish (so a killed process loses nothing it reported) and made durable in groups,
 //! because a sync costs milliseconds and a small unit does not. Later lines of the same key replace earlier ones.
 
+use super::plan::Key;
 use super::rundir::RunError;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
-use std::io::{Read, Seek, SeekFrom, Write};
+use std::io::{BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
@@ -30,6 +32,9 @@ pub enum EntryStatus {
 /// Time a unit took. Never part of what must be reproducible.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct UnitTime {
+    /// Time to start on the first frame, s.
+    #[serde(default)]
+    pub init_seconds: f64,
     /// Sum of the times of all updates, s.
     pub seconds: f64,
     /// Median time of an update, ms.
@@ -50,7 +55,7 @@ pub struct UnitTime {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
     /// Hash of everything that can change the result.
-    pub key: String,
+    pub key: Key,
     /// Id of the tracker.
     pub tracker: String,
     /// Data set of the sequence.
@@ -58,7 +63,7 @@ pub struct Entry {
     /// Name of the sequence.
     pub sequence: String,
     /// Frame the tracker was started on.
-    pub start: usize,
+    pub start: u32,
     /// Whether there is a result.
     pub status: EntryStatus,
     /// Why there is none.
@@ -79,13 +84,22 @@ pub struct Entry {
     pub time: UnitTime,
 }
 
-/// What a journal file holds.
+/// What a journal file holds: an index of its lines, which are read when they are needed.
 #[derive(Debug, Default)]
 pub struct Journal {
-    /// Last entry of each key.
-    pub entries: HashMap<String, Entry>,
+    path: PathBuf,
+    file: Option<Mutex<File>>,
+    lines: HashMap<Key, Line>,
     /// Complete lines that could not be understood; their units run again.
     pub damaged: usize,
+}
+
+/// Where the last line of a key is, and how its unit ended.
+#[derive(Clone, Copy, Debug)]
+struct Line {
+    at: u64,
+    len: u32,
+    status: EntryStatus,
 }
 
 impl Journal {
@@ -94,23 +108,75 @@ impl Journal {
     /// # Errors
     /// The file exists and cannot be read.
     pub fn read(path: &Path) -> Result<Journal, RunError> {
-        let mut bytes = Vec::new();
-        match File::open(path) {
-            Ok(mut file) => file.read_to_end(&mut bytes).map_err(|e| RunError::io(path, e))?,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Journal::default()),
-            Err(e) => return Err(RunError::io(path, e)),
+        /// What the index needs of an [`Entry`].
+        #[derive(Deserialize)]
+        struct Head {
+            key: Key,
+            status: EntryStatus,
+        }
+        let io = |e| RunError::io(path, e);
+        let mut journal = Journal {
+            path: path.to_path_buf(),
+            ..Journal::default()
         };
-        let whole = bytes.iter().rposition(|&b| b == b'\n').map_or(0, |at| at + 1);
-        let mut journal = Journal::default();
-        for line in bytes[..whole].split(|&b| b == b'\n').filter(|l| !l.is_empty()) {
-            match serde_json::from_slice::<Entry>(line) {
-                Ok(entry) => {
-                    journal.entries.insert(entry.key.clone(), entry);
+        let file = match File::open(path) {
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(journal),
+            other => other.map_err(io)?,
+        };
+        let mut reader = BufReader::with_capacity(1 << 20, &file);
+        let (mut at, mut text) = (0, Vec::new());
+        while reader.read_until(b'\n', &mut text).map_err(io)? > 0 && text.ends_with(b"\n") {
+            let line = text.trim_ascii();
+            match serde_json::from_slice::<Head>(line) {
+                Ok(Head { key, status }) => {
+                    let len = line.len() as u32;
+                    journal.lines.insert(key, Line { at, len, status });
                 }
+                Err(_) if line.is_empty() => {}
                 Err(_) => journal.damaged += 1,
             }
+            at += text.len() as u64;
+            text.clear();
         }
+        drop(reader);
+        journal.file = Some(Mutex::new(file));
         Ok(journal)
+    }
+
+    /// Number of units that have a line.
+    pub fn len(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// No lines.
+    pub fn is_empty(&self) -> bool {
+        self.lines.is_empty()
+    }
+
+    /// How the unit ended, if it did.
+    pub fn status(&self, key: &Key) -> Option<EntryStatus> {
+        self.lines.get(key).map(|line| line.status)
+    }
+
+    /// Last line of the unit.
+    ///
+    /// # Errors
+    /// The file cannot be read, or the line is damaged where the index does not look.
+    pub fn get(&self, key: &Key) -> Result<Option<Entry>, RunError> {
+        let (Some(line), Some(file)) = (self.lines.get(key), &self.file) else {
+            return Ok(None);
+        };
+        let mut text = vec![0; line.len as usize];
+        let mut file = file.lock().unwrap_or_else(|e| e.into_inner());
+        file.seek(SeekFrom::Start(line.at))
+            .and_then(|_| file.read_exact(&mut text))
+            .map_err(|e| RunError::io(&self.path, e))?;
+        drop(file);
+        let damaged = |e: serde_json::Error| RunError::Damaged {
+            path: self.path.clone(),
+            reason: e.to_string(),
+        };
+        serde_json::from_slice(&text).map(Some).map_err(damaged)
     }
 }
 
@@ -177,6 +243,22 @@ impl JournalWriter {
         Ok(())
     }
 
+    /// Writes many lines whose frame logs are durable already, or can be had again, and makes them durable together.
+    ///
+    /// # Errors
+    /// The lines cannot be written or synced.
+    pub fn extend(&mut self, entries: impl Iterator<Item = Entry>) -> Result<(), RunError> {
+        let io = |e| RunError::io(&self.path, e);
+        let mut out = BufWriter::with_capacity(1 << 20, &self.file);
+        for entry in entries {
+            serde_json::to_writer(&mut out, &entry).map_err(|e| io(e.into()))?;
+            out.write_all(b"\n").map_err(io)?;
+        }
+        out.flush().map_err(io)?;
+        drop(out);
+        self.file.sync_data().map_err(io)
+    }
+
     /// Makes the frame logs of all appended lines durable, then the lines.
     ///
     /// # Errors
@@ -237,9 +319,13 @@ fn whole_lines(file: &mut File) -> std::io::Result<u64> {
 mod tests {
     use super::*;
 
-    fn entry(key: &str, status: EntryStatus) -> Entry {
+    fn key(name: u8) -> Key {
+        Key([name; 16])
+    }
+
+    fn entry(name: u8, status: EntryStatus) -> Entry {
         Entry {
-            key: key.into(),
+            key: key(name),
             tracker: "esm/ssd/homography".into(),
             dataset: "d".into(),
             sequence: "s".into(),
@@ -254,9 +340,9 @@ mod tests {
         }
     }
 
-    fn unit(key: &str, status: EntryStatus) -> Finished {
+    fn unit(name: u8, status: EntryStatus) -> Finished {
         Finished {
-            entry: entry(key, status),
+            entry: entry(name, status),
             log: None,
         }
     }
@@ -266,19 +352,19 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("journal.jsonl");
         let mut writer = JournalWriter::open(&path).unwrap();
-        writer.append(&unit("a", EntryStatus::Ok)).unwrap();
-        writer.append(&unit("b", EntryStatus::Failed)).unwrap();
+        writer.append(&unit(b'a', EntryStatus::Ok)).unwrap();
+        writer.append(&unit(b'b', EntryStatus::Failed)).unwrap();
         drop(writer);
         let whole = std::fs::read(&path).unwrap();
         for cut in 1..whole.len() {
             std::fs::write(&path, &whole[..cut]).unwrap();
             let lines = whole[..cut].iter().filter(|&&b| b == b'\n').count();
-            assert_eq!(Journal::read(&path).unwrap().entries.len(), lines);
+            assert_eq!(Journal::read(&path).unwrap().len(), lines);
             let mut writer = JournalWriter::open(&path).unwrap();
-            writer.append(&unit("c", EntryStatus::Ok)).unwrap();
+            writer.append(&unit(b'c', EntryStatus::Ok)).unwrap();
             drop(writer);
             let journal = Journal::read(&path).unwrap();
-            assert_eq!((journal.entries.len(), journal.damaged), (lines + 1, 0));
+            assert_eq!((journal.len(), journal.damaged), (lines + 1, 0));
         }
     }
 
@@ -287,18 +373,22 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("journal.jsonl");
         let mut writer = JournalWriter::open(&path).unwrap();
-        writer.append(&unit("a", EntryStatus::Failed)).unwrap();
-        writer.append(&unit("a", EntryStatus::Ok)).unwrap();
+        writer.append(&unit(b'a', EntryStatus::Failed)).unwrap();
+        writer.append(&unit(b'a', EntryStatus::Ok)).unwrap();
         writer.commit().unwrap();
         let journal = Journal::read(&path).unwrap();
-        assert_eq!(journal.entries["a"], entry("a", EntryStatus::Ok));
+        assert_eq!(
+            journal.get(&key(b'a')).unwrap(),
+            Some(entry(b'a', EntryStatus::Ok))
+        );
+        assert_eq!(journal.status(&key(b'b')), None);
     }
 
     #[test]
     fn a_missing_journal_is_empty_and_damaged_lines_are_counted() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("journal.jsonl");
-        assert!(Journal::read(&path).unwrap().entries.is_empty());
+        assert!(Journal::read(&path).unwrap().is_empty());
         std::fs::write(&path, "{\"key\": 3}\nnot json\n").unwrap();
         assert_eq!(Journal::read(&path).unwrap().damaged, 2);
     }

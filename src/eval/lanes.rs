@@ -2,30 +2,35 @@
 //!
 //! Frames are decoded a window ahead while the trackers of the group work through the current window in parallel, so
 //! memory does not depend on a sequence's length (but for its log rows, which count towards the size of a group) and a
-//! long sequence with many trackers keeps all cores as busy as many sequences with one. Sequences run side by side in
-//! *lanes* only as far as there are too few trackers to fill the threads; lanes are plain threads that hand windows to
-//! one pool, so nesting stays bounded.
+//! long sequence with many trackers keeps all cores as busy as many sequences with one. A group is at most
+//! [`GROUP`] trackers, so that an interruption costs little. Groups run side by side in *lanes*, as many as it takes to
+//! fill the threads and one more to fill in where a group waits for its slowest; lanes are plain threads that hand
+//! windows to one pool, so nesting stays bounded.
 
 use super::error::grid_error;
-use super::framelog::{Row, format_log, round_corners, score_log};
+use super::framelog::{Row, format_log, pack_log, round_corners, score_log};
 use super::journal::{Entry, EntryStatus, Finished, UnitTime};
 use super::panics;
-use super::plan::{FrameLogs, RunRequest, Unit};
+use super::plan::{FrameLogs, Keys, Unit};
 use super::profile::{Activity, Spent};
-use super::rundir::{RunDir, RunError, digest, write_atomic};
+use super::request::{Prepared, RunRequest};
+use super::rundir::{RunDir, RunError, digest};
 use super::runner::Observer;
 use crate::dataset::Sequence;
 use crate::geom::{Corners, homography};
 use crate::image::Frame;
+use crate::output::{Durable, write_atomic};
 use crate::tracker::{Stop, Tracker};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::SyncSender;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Instant;
 
+/// Most units that go through a sequence together: enough that decoding is little beside tracking.
+const GROUP: usize = 256;
 /// Most frames decoded ahead.
 const WINDOW: usize = 16;
 /// Share of the memory budget that decoded frames may take.
@@ -36,10 +41,14 @@ const ROW_BYTES: u64 = (size_of::<Row>() + size_of::<f32>()) as u64;
 /// What every lane shares.
 pub(super) struct Context<'a> {
     pub request: &'a RunRequest,
+    pub prepared: &'a Prepared<'a>,
+    pub keys: &'a Keys,
     pub dir: &'a RunDir,
     pub observer: &'a dyn Observer,
     /// Set by a signal.
     pub stop: &'a AtomicBool,
+    /// When it was first seen to be set.
+    pub stopped: OnceLock<Instant>,
     /// Set when a file could not be written, by whoever met the error first.
     pub broken: AtomicBool,
     pub error: Mutex<Option<RunError>>,
@@ -49,8 +58,23 @@ pub(super) struct Context<'a> {
 }
 
 impl Context<'_> {
-    fn halted(&self) -> bool {
+    /// Nothing new is to be begun.
+    fn stopping(&self) -> bool {
         self.stop.load(Ordering::Relaxed) || self.broken.load(Ordering::Relaxed)
+    }
+
+    /// What is in progress is to be given up.
+    fn halted(&self) -> bool {
+        let late = || {
+            let since = self.stopped.get_or_init(|| {
+                if !self.request.grace.is_zero() {
+                    self.observer.stopping(self.request.grace);
+                }
+                Instant::now()
+            });
+            since.elapsed() >= self.request.grace
+        };
+        self.broken.load(Ordering::Relaxed) || (self.stop.load(Ordering::Relaxed) && late())
     }
 
     /// Keeps the first error and stops everything.
@@ -59,33 +83,39 @@ impl Context<'_> {
         first.get_or_insert(error);
         self.broken.store(true, Ordering::Relaxed);
     }
+
+    fn sequence(&self, unit: &Unit) -> &Sequence {
+        self.prepared.sequences[unit.sequence as usize]
+    }
 }
 
-/// Lanes that keep `threads` busy when each sequence has `trackers` to run.
-pub(super) fn lanes(threads: usize, trackers: usize, sequences: usize) -> usize {
-    (2 * threads)
-        .div_ceil(trackers.max(1))
-        .min(threads)
-        .clamp(1, sequences.max(1))
+/// Lanes that keep `threads` busy with `groups` groups of at most `trackers` trackers.
+pub(super) fn lanes(threads: usize, trackers: usize, groups: usize) -> usize {
+    let spare = usize::from(threads > 1);
+    let fill = (2 * threads).div_ceil(trackers.max(1)) + spare;
+    fill.min(threads).clamp(1, groups.max(1))
 }
 
-/// Runs `pending` (units of each sequence, by sequence) to their end or until halted; what is finished goes to
-/// `journal`.
-pub(super) fn run_units(context: &Context<'_>, journal: SyncSender<Finished>, pending: Vec<Vec<&Unit>>) {
-    let mut work: Vec<Vec<&Unit>> = pending.into_iter().filter(|units| !units.is_empty()).collect();
+/// Cuts the units of a sequence into groups, as many as it takes to occupy `threads`.
+pub(super) fn groups(units: &[Unit], threads: usize) -> impl Iterator<Item = &[Unit]> {
+    units.chunks(GROUP.max(4 * threads))
+}
+
+/// Runs `pending` (groups of units of one sequence each) to their end or until halted; what is finished goes to `journal`.
+pub(super) fn run_units(context: &Context<'_>, journal: SyncSender<Finished>, mut pending: Vec<&[Unit]>) {
     // The longest first, so that no lane is left alone with one at the end.
-    work.sort_by_key(|units| {
-        std::cmp::Reverse(units.len() * context.request.sequences[units[0].sequence].len())
+    pending.sort_by_key(|units| {
+        std::cmp::Reverse(units.len() * units.first().map_or(0, |u| context.sequence(u).len()))
     });
-    let work = Mutex::new(VecDeque::from(work));
+    let work = Mutex::new(VecDeque::from(pending));
     let journal = &journal;
     std::thread::scope(|scope| {
         for _ in 0..context.lanes {
             scope.spawn(|| {
-                while !context.halted() {
+                while !context.stopping() {
                     let next = work.lock().unwrap_or_else(|e| e.into_inner()).pop_front();
                     match next {
-                        Some(units) => run_sequence(context, journal, &units),
+                        Some(units) => run_sequence(context, journal, units),
                         None => break,
                     }
                 }
@@ -99,6 +129,7 @@ struct Active<'a> {
     unit: &'a Unit,
     tracker: Option<Box<dyn Tracker>>,
     rows: Vec<Row>,
+    init_seconds: f64,
     seconds: Vec<f32>,
     input_seconds: f64,
     failed: Option<String>,
@@ -111,27 +142,27 @@ struct Ready {
     seconds: f64,
 }
 
-fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[&Unit]) {
-    let sequence = &context.request.sequences[units[0].sequence];
+fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[Unit]) {
+    let Some(first) = units.first() else { return };
+    let sequence = context.sequence(first);
     let budget = context.request.memory / context.lanes as u64;
-    let mut units = units.iter().copied().peekable();
+    let mut waiting: VecDeque<&Unit> = units.iter().collect();
     let mut unreadable: Option<String> = None;
-    while units.peek().is_some() && !context.halted() {
+    while !waiting.is_empty() && !context.stopping() {
         let mut group = Vec::new();
         let mut bytes = 0;
-        while let Some(&unit) = units.peek() {
+        while let Some(&unit) = waiting.front() {
             let mut active = prepare(context, unit, unreadable.as_deref());
-            let memory = active.tracker.as_ref().map_or(0, |t| t.memory() as u64);
-            bytes += memory + ROW_BYTES * (sequence.len() - unit.start) as u64;
+            bytes += memory(sequence, &active);
             // The first tracker over the budget is made again for the next group.
             if bytes > budget && !group.is_empty() {
                 active.tracker = None;
                 break;
             }
             group.push(active);
-            units.next();
+            waiting.pop_front();
         }
-        let read = run_group(context, sequence, &mut group);
+        let read = run_group(context, sequence, budget, &mut group, &mut waiting);
         if context.halted() {
             return;
         }
@@ -147,18 +178,24 @@ fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[
     }
 }
 
+/// Bytes that a unit takes.
+fn memory(sequence: &Sequence, active: &Active<'_>) -> u64 {
+    let rows = ROW_BYTES * (sequence.len() as u64 - u64::from(active.unit.start));
+    rows + active.tracker.as_ref().map_or(0, |t| t.memory() as u64)
+}
+
 /// Makes the unit's tracker.
 fn prepare<'a>(context: &Context<'_>, unit: &'a Unit, unreadable: Option<&str>) -> Active<'a> {
     let made = match unreadable {
         Some(reason) => Err(reason.to_string()),
         None => {
-            let make = &context.request.trackers[unit.tracker].make;
+            let make = &context.prepared.trackers[unit.tracker as usize].make;
             panics::catch(|| make()).and_then(|made| made)
         }
     };
     let (tracker, failed) = match made {
         Ok(mut tracker) => {
-            tracker.reseed(context.request.unit_seed(unit));
+            tracker.reseed(context.prepared.plan.unit_seed(unit));
             tracker.set_threads(context.request.threads_per_tracker);
             (Some(tracker), None)
         }
@@ -168,18 +205,26 @@ fn prepare<'a>(context: &Context<'_>, unit: &'a Unit, unreadable: Option<&str>) 
         unit,
         tracker,
         rows: Vec::new(),
+        init_seconds: 0.0,
         seconds: Vec::new(),
         input_seconds: 0.0,
         failed,
     }
 }
 
-/// Runs a group over its sequence. An unreadable frame fails its units and is returned.
-fn run_group(context: &Context<'_>, sequence: &Sequence, group: &mut [Active<'_>]) -> Result<(), String> {
+/// Runs a group over its sequence; units whose trackers turn out not to fit the budget go back to those `waiting`. An
+/// unreadable frame fails the units of the group and is returned.
+fn run_group<'a>(
+    context: &Context<'_>,
+    sequence: &Sequence,
+    budget: u64,
+    group: &mut Vec<Active<'a>>,
+    waiting: &mut VecDeque<&'a Unit>,
+) -> Result<(), String> {
     let Some(first) = group
         .iter()
         .filter(|a| a.tracker.is_some())
-        .map(|a| a.unit.start)
+        .map(|a| a.unit.start as usize)
         .min()
     else {
         return Ok(());
@@ -193,9 +238,8 @@ fn run_group(context: &Context<'_>, sequence: &Sequence, group: &mut [Active<'_>
     let (gray, colour) = (channels(1), channels(3));
     let read = |range: Range<usize>| decode(context, sequence, range, gray, colour);
 
-    let mut result = Ok(());
     // The first frame alone, to learn how much memory a frame takes.
-    let mut window = match context
+    let window = match context
         .pool
         .install(|| read(first..sequence.len().min(first + 1)))
     {
@@ -211,9 +255,39 @@ fn run_group(context: &Context<'_>, sequence: &Sequence, group: &mut [Active<'_>
         let room = context.request.memory / FRAME_SHARE / context.lanes as u64 / 2;
         ((room / bytes.max(1)) as usize).clamp(1, WINDOW)
     });
-    while let Some(last) = window.last().map(|ready| ready.index) {
-        let upcoming = last + 1..sequence.len().min(last + 1 + ahead);
-        let ((), next) = context.pool.install(|| {
+    // Started a few at a time: only then do all trackers know what they need.
+    let mut used = 0;
+    let mut started = 0;
+    while started < group.len() && (started == 0 || used <= budget) && !context.halted() {
+        let end = group.len().min(started + 2 * context.pool.current_num_threads());
+        let few = &mut group[started..end];
+        context.pool.install(|| {
+            few.par_iter_mut()
+                .with_max_len(1)
+                .for_each(|active| track_window(context, sequence, active, &window))
+        });
+        used += few.iter().map(|active| memory(sequence, active)).sum::<u64>();
+        started = end;
+    }
+    for active in group.drain(started..).rev() {
+        waiting.push_front(active.unit);
+    }
+    let upcoming = |from: usize| from..sequence.len().min(from + ahead);
+    let mut next = context.pool.install(|| read(upcoming(first + 1)));
+    loop {
+        let window = match next {
+            Ok(window) => window,
+            Err(reason) => {
+                fail_all(group, &reason);
+                return Err(reason);
+            }
+        };
+        let idle = group.iter().all(|a| a.tracker.is_none());
+        let Some(last) = window.last().filter(|_| !idle && !context.halted()) else {
+            return Ok(());
+        };
+        let following = upcoming(last.index + 1);
+        ((), next) = context.pool.install(|| {
             rayon::join(
                 || {
                     group.par_iter_mut().with_max_len(1).for_each(|active| {
@@ -221,19 +295,10 @@ fn run_group(context: &Context<'_>, sequence: &Sequence, group: &mut [Active<'_>
                         context.spent.on(Activity::Tracking, track);
                     })
                 },
-                || read(upcoming),
+                || read(following),
             )
         });
-        if context.halted() || group.iter().all(|a| a.tracker.is_none()) {
-            break;
-        }
-        window = next.unwrap_or_else(|reason| {
-            fail_all(group, &reason);
-            result = Err(reason);
-            Vec::new()
-        });
     }
-    result
 }
 
 fn fail_all(group: &mut [Active<'_>], reason: &str) {
@@ -281,7 +346,7 @@ fn decode(
 
 /// One tracker through one window, in order.
 fn track_window(context: &Context<'_>, sequence: &Sequence, active: &mut Active<'_>, window: &[Ready]) {
-    let start = active.unit.start;
+    let start = active.unit.start as usize;
     let mut done = 0;
     for ready in window.iter().filter(|ready| ready.index >= start) {
         let Some(mut tracker) = active.tracker.take() else {
@@ -292,8 +357,11 @@ fn track_window(context: &Context<'_>, sequence: &Sequence, active: &mut Active<
         }
         let mut seconds = 0.0;
         let step = panics::catch(|| {
+            let begin = Instant::now();
             if ready.index == start {
-                return initialise(tracker.as_mut(), sequence, ready);
+                let row = initialise(tracker.as_mut(), sequence, ready);
+                active.init_seconds = begin.elapsed().as_secs_f64();
+                return row;
             }
             if tracker.needs_truth()
                 && let Some(truth) = sequence.truth(ready.index)
@@ -408,48 +476,52 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
     let Active {
         unit,
         rows,
+        init_seconds,
         seconds,
         input_seconds,
         failed,
         ..
     } = active;
-    let tracker = &context.request.trackers[unit.tracker];
+    let tracker = context.prepared.trackers[unit.tracker as usize];
     let path = context
         .dir
         .log(&tracker.slug, sequence.dataset(), sequence.name(), unit.start);
+    let start = unit.start as usize;
     let truth = |i: usize| sequence.truth(i);
+    let ok = failed.is_none();
     let mut entry = Entry {
-        key: unit.key.clone(),
+        key: context.keys.of(unit),
         tracker: tracker.name.id.clone(),
         dataset: sequence.dataset().to_string(),
         sequence: sequence.name().to_string(),
         start: unit.start,
-        status: if failed.is_some() {
-            EntryStatus::Failed
-        } else {
-            EntryStatus::Ok
-        },
+        status: if ok { EntryStatus::Ok } else { EntryStatus::Failed },
         reason: failed,
         frames: rows.len(),
         log: None,
         errors: None,
         grid: Vec::new(),
-        time: unit_time(seconds, input_seconds, context.pool.current_num_threads()),
+        time: UnitTime {
+            init_seconds,
+            ..unit_time(seconds, input_seconds, context.pool.current_num_threads())
+        },
     };
     let mut written = None;
-    if entry.status == EntryStatus::Ok && context.request.frame_logs == FrameLogs::Csv {
-        let bytes = format_log(&rows, unit.start, |i| sequence.frame_name(i).to_string(), truth);
+    let logs = context.request.frame_logs;
+    if ok && logs != FrameLogs::None {
+        let text = format_log(&rows, start, |i| sequence.frame_name(i).to_string(), truth);
+        let bytes = pack_log(text, logs);
         entry.log = Some(digest(&bytes));
         // Synced in groups by the journal, before the line that vouches for it.
-        if let Err(error) = write_atomic(&path, &bytes, false) {
-            return context.fail(error);
+        if let Err(error) = write_atomic(&path, Durable::Later, |w| w.write_all(&bytes)) {
+            return context.fail(RunError::io(&path, error));
         }
         written = Some(path);
     } else {
-        if entry.status == EntryStatus::Ok {
+        if ok {
             let corners: Vec<Option<Corners>> = rows.iter().map(|row| row.corners).collect();
             entry.errors = Some(
-                score_log(unit.start, &corners, truth)
+                score_log(start, &corners, truth)
                     .into_iter()
                     .map(|e| e.map(|e| e.values()))
                     .collect(),
@@ -457,8 +529,10 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
             let finite = |e: f64| e.is_finite().then_some(e);
             entry.grid = rows.iter().filter_map(|row| row.grid.map(finite)).collect();
         }
-        // A log of an earlier run with other settings would be taken for this unit's by readers.
-        let _ = std::fs::remove_file(path);
+        if logs != FrameLogs::None {
+            // A log of an earlier run with other settings would be taken for this unit's by readers.
+            let _ = std::fs::remove_file(path);
+        }
     }
     context.observer.unit(&entry);
     // The receiver only goes away after an error, which it has recorded.
@@ -473,6 +547,7 @@ fn unit_time(mut seconds: Vec<f32>, input_seconds: f64, threads: usize) -> UnitT
         n => 1e3 * f64::from(seconds[((q * (n - 1) as f64).round() as usize).min(n - 1)]),
     };
     UnitTime {
+        init_seconds: 0.0,
         seconds: total,
         ms_median: quantile(0.5),
         ms_p95: quantile(0.95),
@@ -492,8 +567,9 @@ mod tests {
         assert_eq!(lanes(1, 1, 12), 1);
         assert_eq!(lanes(8, 1, 12), 8);
         assert_eq!(lanes(8, 1, 3), 3);
-        assert_eq!(lanes(8, 5, 12), 4);
-        assert_eq!(lanes(8, 2000, 12), 1);
+        assert_eq!(lanes(8, 5, 12), 5);
+        assert_eq!(lanes(8, 256, 12), 2);
+        assert_eq!(lanes(1, 256, 12), 1);
         assert_eq!(lanes(2, 1, 0), 1);
     }
 

@@ -7,23 +7,36 @@ pub mod basin;
 pub mod bench;
 pub mod compare;
 pub mod error;
+pub mod estimate;
+mod finish;
 pub mod framelog;
 pub mod gate;
+pub mod grid;
 pub mod journal;
 mod lanes;
+pub mod lock;
 pub mod machine;
+pub mod merge;
 pub mod panics;
 pub mod plan;
 pub mod profile;
+pub mod protocol;
+pub mod request;
 pub mod rundir;
 pub mod runner;
 pub mod score;
+pub mod shard;
 pub mod stats;
+pub mod status;
 pub mod tolerances;
+mod truth;
 
-pub use plan::{FrameLogs, RunRequest, TrackerEntry, Unit};
+pub use plan::{FrameLogs, Plan, Unit};
+pub use protocol::Protocol;
+pub use request::{RunRequest, TrackerEntry};
 pub use rundir::RunError;
 pub use runner::{Observer, RunReport, Silent, run};
+pub use shard::{Cut, Shard};
 
 /// The time now, UTC, RFC 3339 to the second.
 pub(crate) fn utc_now() -> String {

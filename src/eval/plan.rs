@@ -1,218 +1,334 @@
 //! What a run consists of: trackers x sequences x start frames, the identity of each unit and its random seed.
+//!
+//! A [`Plan`] is what `run.json` records: enough to know every unit of the run and its key without trackers or data.
 
 use super::aggregate::TrackerName;
-use super::rundir::{RunError, digest};
-use crate::dataset::Sequence;
-use crate::image::PreProcessor;
-use crate::registry::{Registry, SpecError, TrackerSpec};
-use crate::tracker::Tracker;
-use serde_json::{Value, json};
+use super::rundir::hex;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
-use std::sync::Arc;
-use std::time::Duration;
 
 /// Version of the run directory's formats and of the protocol; part of every unit's key.
 pub const SCHEMA_VERSION: u32 = 1;
 
-/// Makes a fresh tracker, or says why it cannot.
-pub type Make = dyn Fn() -> Result<Box<dyn Tracker>, String> + Send + Sync;
-
-/// A tracker to be evaluated: what it is called and how to make one.
-#[derive(Clone)]
-pub struct TrackerEntry {
-    /// Canonical id and parts, as tables show them.
-    pub name: TrackerName,
-    /// Name of the folder of its logs.
-    pub slug: String,
-    /// Every parameter with its value: two trackers with the same id and parameters must give the same results.
-    pub parameters: Value,
-    /// Makes one. Called once per sequence.
-    pub make: Arc<Make>,
-}
-
-impl std::fmt::Debug for TrackerEntry {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "TrackerEntry({})", self.name.id)
-    }
-}
-
-impl TrackerEntry {
-    /// A tracker of `registry`, which may hold the user's own models.
-    ///
-    /// # Errors
-    /// The registry does not know the tracker.
-    pub fn from_registry(registry: &Arc<Registry>, spec: &TrackerSpec) -> Result<TrackerEntry, SpecError> {
-        let (sm, am, ssm, ilm) = spec.parts();
-        let name = TrackerName {
-            id: spec.to_string(),
-            sm: sm.to_owned(),
-            am: am.to_owned(),
-            ssm: ssm.to_owned(),
-            ilm: ilm.to_owned(),
-        };
-        let parameters = registry.describe(spec)?;
-        let (registry, slug, spec) = (Arc::clone(registry), spec.slug(), spec.clone());
-        let make = Arc::new(move || registry.build(&spec).map_err(|e| e.to_string()));
-        Ok(TrackerEntry {
-            name,
-            slug,
-            parameters,
-            make,
-        })
-    }
-}
-
 /// Where the corners of each frame go.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum FrameLogs {
     /// A CSV file per unit.
+    #[default]
     Csv,
+    /// A CSV file per unit, compressed (Zstandard).
+    Zst,
     /// Nowhere: the journal keeps the errors, which is all that the aggregated files need.
     None,
 }
 
-/// Everything that defines a run.
-#[derive(Clone, Debug)]
-pub struct RunRequest {
-    /// The trackers.
-    pub trackers: Vec<TrackerEntry>,
-    /// The sequences, already cut to the frames that are to be tracked.
-    pub sequences: Vec<Sequence>,
-    /// Filter applied to each frame.
-    pub pre: Arc<dyn PreProcessor>,
-    /// Seed from which each unit derives its own.
-    pub seed: u64,
-    /// Worker threads; 0 for one per core. Never changes a result.
-    pub threads: usize,
-    /// Threads that one tracker may use. Never changes a result.
-    pub threads_per_tracker: usize,
-    /// Bytes that trackers and their logs may occupy together. Never changes a result.
-    pub memory: u64,
-    /// The run directory.
-    pub out: PathBuf,
-    /// Discard what the directory holds from earlier runs.
-    pub force: bool,
-    /// Where the corners go.
-    pub frame_logs: FrameLogs,
-    /// Longest time the updates of one unit may take together before the unit fails.
-    pub timeout: Option<Duration>,
-    /// What else `run.json` shall say about the data and settings (reproducible).
-    pub about: serde_json::Map<String, Value>,
-    /// What else `run.json` shall say about this very execution (command line, revision).
-    pub host: serde_json::Map<String, Value>,
+impl FrameLogs {
+    /// How the names of the files end.
+    pub fn extension(self) -> &'static str {
+        match self {
+            FrameLogs::Csv => "csv",
+            FrameLogs::Zst => "csv.zst",
+            FrameLogs::None => "",
+        }
+    }
+}
+
+/// Identity of a unit: 128 bits of a SHA-256 over everything that can change the result.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Key(pub [u8; 16]);
+
+impl std::fmt::Display for Key {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&hex(&self.0))
+    }
+}
+
+impl std::fmt::Debug for Key {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Key({self})")
+    }
+}
+
+impl Serialize for Key {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Key {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Key, D::Error> {
+        let text = std::borrow::Cow::<str>::deserialize(deserializer)?;
+        let digit = |at: usize| text.get(at..at + 2).and_then(|d| u8::from_str_radix(d, 16).ok());
+        let mut key = [0; 16];
+        for (k, byte) in key.iter_mut().enumerate() {
+            *byte = digit(2 * k).ok_or_else(|| serde::de::Error::custom("expected 32 hexadecimal digits"))?;
+        }
+        match text.len() {
+            32 => Ok(Key(key)),
+            _ => Err(serde::de::Error::custom("expected 32 hexadecimal digits")),
+        }
+    }
 }
 
 /// One tracker on one sequence from one start frame.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Unit {
-    /// Index into the request's trackers.
-    pub tracker: usize,
-    /// Index into the request's sequences.
-    pub sequence: usize,
+    /// Index into the plan's trackers.
+    pub tracker: u32,
+    /// Index into the plan's sequences.
+    pub sequence: u32,
     /// Frame on which the tracker is initialised.
-    pub start: usize,
-    /// Hash of everything that can change the result.
-    pub key: String,
+    pub start: u32,
 }
 
-impl RunRequest {
+/// A tracker of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlannedTracker {
+    /// Canonical id.
+    pub id: String,
+    /// Search method.
+    pub sm: String,
+    /// Appearance model.
+    pub am: String,
+    /// State space model.
+    pub ssm: String,
+    /// Illumination model.
+    pub ilm: String,
+    /// Name of the folder of its logs.
+    pub slug: String,
+    /// Every parameter with its value.
+    pub parameters: Value,
+}
+
+impl PlannedTracker {
+    /// Id and parts, as tables show them.
+    pub fn name(&self) -> TrackerName {
+        TrackerName {
+            id: self.id.clone(),
+            sm: self.sm.clone(),
+            am: self.am.clone(),
+            ssm: self.ssm.clone(),
+            ilm: self.ilm.clone(),
+        }
+    }
+}
+
+/// A sequence of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlannedSequence {
+    /// Data set.
+    pub dataset: String,
+    /// Name in the data set.
+    pub sequence: String,
+    /// Number of frames.
+    pub frames: usize,
+    /// Frames on which trackers start, ascending.
+    pub starts: Vec<u32>,
+    /// Hash of ground truth, names and sizes of the frames.
+    pub fingerprint: String,
+}
+
+impl PlannedSequence {
+    /// `dataset/sequence`.
+    pub fn id(&self) -> String {
+        format!("{}/{}", self.dataset, self.sequence)
+    }
+
+    /// Frames that one tracker goes through, all starts together.
+    pub fn cost(&self) -> u64 {
+        self.starts
+            .iter()
+            .map(|&s| self.frames as u64 - u64::from(s))
+            .sum()
+    }
+}
+
+/// A run without the means to run it: every unit and what its result depends on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// Version of the formats.
+    pub schema_version: u32,
+    /// This program.
+    pub tool: String,
+    /// Its version.
+    pub version: String,
+    /// Protocol, as [`Protocol`](super::Protocol) prints it.
+    pub protocol: String,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Filter applied to each frame.
+    pub pre: String,
+    /// Where the corners go.
+    pub frame_logs: FrameLogs,
+    /// What else is recorded about data and settings; says nothing about results that the rest does not.
+    #[serde(flatten)]
+    pub about: Map<String, Value>,
+    /// By id.
+    pub trackers: Vec<PlannedTracker>,
+    /// By data set and name.
+    pub sequences: Vec<PlannedSequence>,
+}
+
+impl Plan {
+    /// Number of units.
+    pub fn len(&self) -> usize {
+        self.trackers.len() * self.sequences.iter().map(|s| s.starts.len()).sum::<usize>()
+    }
+
+    /// No units.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Frames that all units go through together.
+    pub fn frames(&self) -> u64 {
+        self.trackers.len() as u64 * self.sequences.iter().map(PlannedSequence::cost).sum::<u64>()
+    }
+
     /// The units in the order of the result files: by tracker id, data set, sequence, start.
-    ///
-    /// # Errors
-    /// Nothing was requested, a sequence has no ground truth to start from, or two sequences share a name.
-    pub fn units(&self) -> Result<Vec<Unit>, RunError> {
-        if self.trackers.is_empty() {
-            return Err(RunError::Nothing("no tracker"));
-        }
-        if self.sequences.is_empty() {
-            return Err(RunError::Nothing("no sequence"));
-        }
-        let mut trackers: Vec<usize> = (0..self.trackers.len()).collect();
-        trackers.sort_by(|&a, &b| self.trackers[a].name.id.cmp(&self.trackers[b].name.id));
-        trackers.dedup_by(|a, b| self.trackers[*a].name.id == self.trackers[*b].name.id);
-        let mut units = Vec::new();
-        let sequences = self.ordered_sequences()?;
-        for &tracker in &trackers {
-            for &(sequence, start) in &sequences {
-                let key = self.key(tracker, sequence, start);
-                units.push(Unit {
-                    tracker,
-                    sequence,
-                    start,
-                    key,
-                });
+    pub fn units(&self) -> impl Iterator<Item = Unit> + '_ {
+        (0..self.trackers.len() as u32).flat_map(move |tracker| {
+            (0u32..)
+                .zip(&self.sequences)
+                .flat_map(move |(sequence, planned)| {
+                    planned.starts.iter().map(move |&start| Unit {
+                        tracker,
+                        sequence,
+                        start,
+                    })
+                })
+        })
+    }
+
+    /// `tracker on dataset/sequence`, with the start frame unless it is the first.
+    pub fn describe(&self, unit: &Unit) -> String {
+        let start = match unit.start {
+            0 => String::new(),
+            start => format!("@{start}"),
+        };
+        let sequence = &self.sequences[unit.sequence as usize];
+        format!(
+            "{} on {}{start}",
+            self.trackers[unit.tracker as usize].id,
+            sequence.id()
+        )
+    }
+
+    /// Frames that the unit goes through.
+    pub fn unit_frames(&self, unit: &Unit) -> u64 {
+        self.sequences[unit.sequence as usize].frames as u64 - u64::from(unit.start)
+    }
+
+    /// The first thing in which `other` asks for other results than `self`; the way of asking does not count.
+    pub fn difference(&self, other: &Plan) -> Option<String> {
+        let settings = |p: &Plan| -> [(&'static str, String); 6] {
+            [
+                ("schema version", p.schema_version.to_string()),
+                ("version", p.version.clone()),
+                ("protocol", p.protocol.clone()),
+                ("seed", p.seed.to_string()),
+                ("filter", p.pre.clone()),
+                ("frame logs", p.frame_logs.extension().to_owned()),
+            ]
+        };
+        for ((what, a), (_, b)) in settings(self).into_iter().zip(settings(other)) {
+            if a != b {
+                return Some(format!("{what} {a} against {b}"));
             }
         }
-        Ok(units)
-    }
-
-    /// Sequences by data set and name with the frame to start on: the first that has ground truth.
-    fn ordered_sequences(&self) -> Result<Vec<(usize, usize)>, RunError> {
-        let mut seen: BTreeMap<(&str, &str), usize> = BTreeMap::new();
-        for (index, sequence) in self.sequences.iter().enumerate() {
-            let first = *seen.entry((sequence.dataset(), sequence.name())).or_insert(index);
-            if self.sequences[first].fingerprint() != sequence.fingerprint() {
-                return Err(RunError::Ambiguous(sequence_id(sequence)));
-            }
+        fn by<'a, T: PartialEq + 'a>(
+            what: &str,
+            a: impl Iterator<Item = (String, &'a T)>,
+            b: impl Iterator<Item = (String, &'a T)>,
+        ) -> Option<String> {
+            let (a, b): (BTreeMap<_, _>, BTreeMap<_, _>) = (a.collect(), b.collect());
+            let alone = |a: &BTreeMap<String, &T>, b: &BTreeMap<String, &T>| {
+                a.keys()
+                    .find(|k| !b.contains_key(*k))
+                    .map(|k| format!("{what} {k} is in one only"))
+            };
+            let changed = || {
+                let (name, _) = a.iter().find(|(k, v)| b.get(*k) != Some(*v))?;
+                Some(format!("{what} {name} is not the same"))
+            };
+            alone(&a, &b).or_else(|| alone(&b, &a)).or_else(changed)
         }
-        seen.into_values()
-            .map(|index| {
-                let sequence = &self.sequences[index];
-                match (0..sequence.len()).find(|&i| sequence.truth(i).is_some()) {
-                    Some(start) => Ok((index, start)),
-                    None => Err(RunError::Sequence {
-                        sequence: sequence_id(sequence),
-                        reason: "no frame has ground truth to start from".into(),
-                    }),
-                }
-            })
-            .collect()
+        fn trackers(p: &Plan) -> impl Iterator<Item = (String, &PlannedTracker)> {
+            p.trackers.iter().map(|t| (t.id.clone(), t))
+        }
+        fn sequences(p: &Plan) -> impl Iterator<Item = (String, &PlannedSequence)> {
+            p.sequences.iter().map(|s| (s.id(), s))
+        }
+        by("tracker", trackers(self), trackers(other))
+            .or_else(|| by("sequence", sequences(self), sequences(other)))
+    }
+}
+
+/// Makes the keys of a plan's units.
+#[derive(Clone, Debug)]
+pub struct Keys {
+    run: [u8; 32],
+    trackers: Vec<[u8; 32]>,
+    sequences: Vec<[u8; 32]>,
+}
+
+impl Keys {
+    /// For the units of `plan`.
+    pub fn new(plan: &Plan) -> Keys {
+        let hash = |value: Value| -> [u8; 32] { Sha256::digest(value.to_string()).into() };
+        let tracker = |t: &PlannedTracker| hash(json!({"id": t.id, "parameters": t.parameters}));
+        // Every protocol of this version goes from a start to the end in one pass, so they share units.
+        let sequence = |s: &PlannedSequence| {
+            hash(json!({
+                "dataset": s.dataset,
+                "sequence": s.sequence,
+                "fingerprint": s.fingerprint,
+                "frames": s.frames,
+            }))
+        };
+        Keys {
+            run: hash(json!({
+                "schema": plan.schema_version,
+                "crate": plan.version,
+                "pre": plan.pre,
+                "seed": plan.seed,
+            })),
+            trackers: plan.trackers.iter().map(tracker).collect(),
+            sequences: plan.sequences.iter().map(sequence).collect(),
+        }
     }
 
-    fn key(&self, tracker: usize, sequence: usize, start: usize) -> String {
-        let (tracker, sequence) = (&self.trackers[tracker], &self.sequences[sequence]);
-        let identity = json!({
-            "schema": SCHEMA_VERSION,
-            "crate": env!("CARGO_PKG_VERSION"),
-            "tracker": tracker.name.id,
-            "parameters": tracker.parameters,
-            "dataset": sequence.dataset(),
-            "sequence": sequence.name(),
-            "fingerprint": sequence.fingerprint(),
-            "frames": sequence.len(),
-            "pre": self.pre.id(),
-            "protocol": PROTOCOL,
-            "start": start,
-            "seed": self.seed,
-        });
-        digest(identity.to_string().as_bytes())
+    /// The key of one.
+    pub fn of(&self, unit: &Unit) -> Key {
+        let mut hash = Sha256::new();
+        hash.update(self.run);
+        hash.update(self.trackers[unit.tracker as usize]);
+        hash.update(self.sequences[unit.sequence as usize]);
+        hash.update(unit.start.to_le_bytes());
+        let bytes = hash.finalize();
+        Key(std::array::from_fn(|i| bytes[i]))
     }
+}
 
+impl Plan {
     /// Seed of a unit's tracker: depends on what is run, never on when, where or beside what.
     pub fn unit_seed(&self, unit: &Unit) -> u64 {
-        let sequence = &self.sequences[unit.sequence];
+        let sequence = &self.sequences[unit.sequence as usize];
         let mut hash = Sha256::new();
         hash.update(self.seed.to_le_bytes());
         for text in [
-            &self.trackers[unit.tracker].name.id,
-            sequence.dataset(),
-            sequence.name(),
+            &self.trackers[unit.tracker as usize].id,
+            &sequence.dataset,
+            &sequence.sequence,
         ] {
             hash.update((text.len() as u64).to_le_bytes());
             hash.update(text.as_bytes());
         }
-        hash.update((unit.start as u64).to_le_bytes());
+        hash.update(u64::from(unit.start).to_le_bytes());
         let bytes = hash.finalize();
         u64::from_le_bytes(std::array::from_fn(|i| bytes[i]))
     }
-}
-
-/// The protocol of this runner: one pass from the start frame to the end.
-pub const PROTOCOL: &str = "ope";
-
-/// `dataset/sequence`.
-pub fn sequence_id(sequence: &Sequence) -> String {
-    format!("{}/{}", sequence.dataset(), sequence.name())
 }

@@ -1,14 +1,19 @@
 //! A run directory: its lock, its atomic writes and its file names; and why a run may end early.
 
-use crate::output::OutputError;
+use super::lock::{self, Holder};
+use super::plan::{FrameLogs, Plan};
+use super::shard::fan;
+use crate::output::{Durable, OutputError, write_atomic};
+use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
-use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, Read, Seek, Write};
+use std::fs::{self, File};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Files at the top of a run directory that a fresh start removes.
-const TOP_FILES: [&str; 8] = [
+const TOP_FILES: [&str; 9] = [
     "run.json",
+    "truth.csv",
     "summary.csv",
     "sequences.csv",
     "curves.csv",
@@ -17,6 +22,9 @@ const TOP_FILES: [&str; 8] = [
     "timing.csv",
     "journal.jsonl",
 ];
+
+/// Most entries of a folder.
+const FAN_OUT: usize = 10_000;
 
 /// Why a run could not be made, or did not get to its end.
 #[derive(Debug, thiserror::Error)]
@@ -48,6 +56,22 @@ pub enum RunError {
         /// Process, host and start time of the other run, as far as known.
         holder: String,
     },
+    /// The directory holds no run.
+    #[error("{path} is not a run directory: {reason}", path = .path.display())]
+    NoRun {
+        /// The directory.
+        path: PathBuf,
+        /// What is missing.
+        reason: String,
+    },
+    /// Directories of different runs.
+    #[error("{path} is of another run: {reason}", path = .path.display())]
+    Mismatch {
+        /// The directory.
+        path: PathBuf,
+        /// What differs.
+        reason: String,
+    },
     /// Asked to stop by a signal; what was finished is kept.
     #[error("stopped: {done} of {total} units done, nothing lost, run the same command again to go on")]
     Interrupted {
@@ -67,10 +91,10 @@ pub enum RunError {
         /// What the system says.
         source: io::Error,
     },
-    /// A frame log written by this run cannot be read back.
-    #[error("{path}: damaged frame log ({reason}), run again to replace it", path = .path.display())]
+    /// A file written by a run cannot be read back.
+    #[error("{path}: damaged ({reason}), run again to replace it", path = .path.display())]
     Damaged {
-        /// The log.
+        /// The file.
         path: PathBuf,
         /// What is wrong with it.
         reason: String,
@@ -107,74 +131,94 @@ impl RunError {
     }
 }
 
-/// A run directory held under its lock.
+/// A run directory, held under its lock or just looked at.
 #[derive(Debug)]
 pub struct RunDir {
     path: PathBuf,
-    lock: File,
+    lock: Option<File>,
+    logs: FrameLogs,
+    /// Trackers are spread over folders.
+    fan_trackers: bool,
+    /// Logs of a tracker on a data set are.
+    fan_logs: bool,
 }
 
 impl RunDir {
     /// Creates or opens the directory at `path`, takes its lock and makes sure it can be written to. `fresh` removes
-    /// what an earlier run wrote there.
+    /// what an earlier run wrote there. Also returns who held the lock and died, if so.
     ///
     /// # Errors
     /// The directory is locked, holds other things than a run, cannot be created or written to, or the disk is full.
-    pub fn open(path: &Path, fresh: bool) -> Result<RunDir, RunError> {
+    pub fn open(path: &Path, fresh: bool) -> Result<(RunDir, Option<Holder>), RunError> {
         fs::create_dir_all(path).map_err(|e| RunError::io(path, e))?;
         let lock_path = path.join(".lock");
-        let io = |e| RunError::io(&lock_path, e);
         if !lock_path.exists() && !path.join("journal.jsonl").exists() && !path.join("run.json").exists() {
             let mut others = fs::read_dir(path).map_err(|e| RunError::io(path, e))?;
             if others.next().is_some() {
                 return Err(RunError::NotARunDirectory(path.to_path_buf()));
             }
         }
-        let mut lock = OpenOptions::new()
-            .create(true)
-            .read(true)
-            .write(true)
-            .truncate(false)
-            .open(&lock_path)
-            .map_err(io)?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                let mut holder = String::new();
-                let _ = lock.read_to_string(&mut holder);
-                let holder = match holder.trim() {
-                    "" => "holder unknown".to_string(),
-                    known => known.to_string(),
-                };
-                return Err(RunError::Locked {
-                    path: path.to_path_buf(),
-                    holder,
-                });
-            }
-            // Some network file systems have no locks: better unlocked than not at all.
-            Err(TryLockError::Error(e)) if e.kind() == io::ErrorKind::Unsupported => {}
-            Err(TryLockError::Error(e)) => return Err(io(e)),
-        }
-        let holder = format!(
-            "pid {} on {} since {}\n",
-            std::process::id(),
-            host_name(),
-            super::utc_now()
-        );
-        lock.set_len(0)
-            .and_then(|()| lock.rewind())
-            .and_then(|()| lock.write_all(holder.as_bytes()))
-            .and_then(|()| lock.sync_data())
-            .map_err(io)?;
-        let dir = RunDir {
-            path: path.to_path_buf(),
-            lock,
-        };
+        let (lock, dead) = lock::take(path, &lock_path)?;
+        let mut dir = RunDir::view(path);
+        dir.lock = Some(lock);
         dir.sweep()?;
         if fresh {
             dir.clear()?;
         }
-        Ok(dir)
+        Ok((dir, dead))
+    }
+
+    /// The directory at `path` to be read only, whoever holds it.
+    pub fn view(path: &Path) -> RunDir {
+        RunDir {
+            path: path.to_path_buf(),
+            lock: None,
+            logs: FrameLogs::Csv,
+            fan_trackers: false,
+            fan_logs: false,
+        }
+    }
+
+    /// Takes the places of frame logs from the plan. Folders that would get more than 10,000 entries are spread over
+    /// subfolders named by the first two digits of a hash.
+    pub fn lay_out(&mut self, plan: &Plan) {
+        let mut logs = std::collections::BTreeMap::<&str, usize>::new();
+        for sequence in &plan.sequences {
+            *logs.entry(&sequence.dataset).or_default() += sequence.starts.len();
+        }
+        self.logs = plan.frame_logs;
+        // One entry is the description of the tracker.
+        self.fan_trackers = plan.trackers.len() > FAN_OUT;
+        self.fan_logs = logs.values().any(|&n| n > FAN_OUT);
+    }
+
+    /// The plan and host stamp that `run.json` records.
+    ///
+    /// # Errors
+    /// There is none, or it is of another version of the program's formats.
+    pub fn plan(&self) -> Result<(Plan, Map<String, Value>), RunError> {
+        let no_run = |reason: String| RunError::NoRun {
+            path: self.path.clone(),
+            reason,
+        };
+        let path = self.path.join("run.json");
+        let bytes = match fs::read(&path) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Err(no_run("no run.json".into())),
+            other => other.map_err(|e| RunError::io(&path, e))?,
+        };
+        let mut value: Map<String, Value> =
+            serde_json::from_slice(&bytes).map_err(|e| no_run(format!("run.json: {e}")))?;
+        let host = match value.remove("host") {
+            Some(Value::Object(host)) => host,
+            _ => Map::new(),
+        };
+        match value.get("schema_version").and_then(Value::as_u64) {
+            Some(version) if version == u64::from(super::plan::SCHEMA_VERSION) => {}
+            _ => return Err(no_run("run.json is of another version of the program".into())),
+        }
+        let plan =
+            serde_json::from_value(Value::Object(value)).map_err(|e| no_run(format!("run.json: {e}")))?;
+        Ok((plan, host))
     }
 
     /// Removes temporary files that a killed run left at the top.
@@ -216,66 +260,55 @@ impl RunDir {
 
     /// Path of the folder of a tracker's logs.
     pub fn tracker_dir(&self, slug: &str) -> PathBuf {
-        self.path.join("frames").join(file_name(slug))
+        let frames = self.path.join("frames");
+        match self.fan_trackers {
+            true => frames.join(fan(slug)).join(file_name(slug)),
+            false => frames.join(file_name(slug)),
+        }
     }
 
     /// Path of the frame log of a unit.
-    pub fn log(&self, slug: &str, dataset: &str, sequence: &str, start: usize) -> PathBuf {
+    pub fn log(&self, slug: &str, dataset: &str, sequence: &str, start: u32) -> PathBuf {
+        let end = self.logs.extension();
         let name = match start {
-            0 => format!("{}.csv", file_name(sequence)),
-            _ => format!("{}@{start}.csv", file_name(sequence)),
+            0 => format!("{}.{end}", file_name(sequence)),
+            _ => format!("{}@{start}.{end}", file_name(sequence)),
         };
-        self.tracker_dir(slug).join(file_name(dataset)).join(name)
+        let folder = self.tracker_dir(slug).join(file_name(dataset));
+        match self.fan_logs {
+            true => folder.join(fan(&name)).join(name),
+            false => folder.join(name),
+        }
     }
 
-    /// Writes `<dir>/<name>` as [`write_atomic`] does, unless it has these bytes already.
+    /// Writes `path` durably, unless it has these bytes already.
     ///
     /// # Errors
     /// The file cannot be written.
     pub fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+        self.put(path, bytes, Durable::Now)
+    }
+
+    /// Writes `path`, unless it has these bytes already.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn put(&self, path: &Path, bytes: &[u8], durable: Durable) -> Result<(), RunError> {
         if fs::read(path).is_ok_and(|old| old == bytes) {
             return Ok(());
         }
-        write_atomic(path, bytes, true)
+        write_atomic(path, durable, |w| w.write_all(bytes)).map_err(|e| RunError::io(path, e))
     }
 }
 
 impl Drop for RunDir {
     fn drop(&mut self) {
-        // The file stays (removing a lock file is a race) but says nothing any more.
-        let _ = self.lock.set_len(0);
-        let _ = self.lock.unlock();
-    }
-}
-
-/// Writes a file so that its name never shows part of it: temporary name, sync (when asked), rename. Missing folders are
-/// made. The temporary name is always the same, so what a killed run leaves is replaced by the next.
-///
-/// # Errors
-/// A folder or the file cannot be written.
-pub(super) fn write_atomic(path: &Path, bytes: &[u8], sync: bool) -> Result<(), RunError> {
-    let io = |e| RunError::io(path, e);
-    let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(".tmp");
-    let temporary = path.with_file_name(name);
-    let write = || -> io::Result<()> {
-        let mut file = match File::create(&temporary) {
-            Err(e) if e.kind() == io::ErrorKind::NotFound => {
-                path.parent().map_or(Ok(()), fs::create_dir_all)?;
-                File::create(&temporary)?
-            }
-            other => other?,
-        };
-        file.write_all(bytes)?;
-        if sync {
-            file.sync_all()?;
+        if let Some(lock) = &self.lock {
+            // The file stays (removing a lock file is a race) but says nothing any more.
+            let _ = lock.set_len(0);
+            let _ = lock.unlock();
         }
-        fs::rename(&temporary, path)
-    };
-    write().map_err(|e| {
-        let _ = fs::remove_file(&temporary);
-        io(e)
-    })
+    }
 }
 
 /// `name` as one component of a path: letters, digits and `-_.,+=` stay, the rest becomes `_` and a hash of the name is
@@ -345,18 +378,28 @@ mod tests {
     #[test]
     fn a_second_opener_learns_who_holds_the_lock() {
         let dir = tempfile::tempdir().unwrap();
-        let held = RunDir::open(dir.path(), false).unwrap();
+        let (held, dead) = RunDir::open(dir.path(), false).unwrap();
+        assert!(dead.is_none());
         match RunDir::open(dir.path(), false) {
             Err(RunError::Locked { holder, .. }) => {
-                assert!(
-                    holder.contains(&format!("pid {}", std::process::id())),
-                    "{holder}"
-                )
+                let pid = format!("pid {}", std::process::id());
+                assert!(holder.contains(&pid), "{holder}")
             }
             other => panic!("{other:?}"),
         }
         drop(held);
         assert!(RunDir::open(dir.path(), false).is_ok());
+    }
+
+    #[test]
+    fn large_plans_fan_out() {
+        let mut dir = RunDir::view(Path::new("out"));
+        let log = |dir: &RunDir| dir.log("a", "d", "s", 3).to_string_lossy().into_owned();
+        assert_eq!(log(&dir), "out/frames/a/d/s@3.csv");
+        dir.fan_trackers = true;
+        assert_eq!(log(&dir), "out/frames/ca/a/d/s@3.csv");
+        dir.fan_logs = true;
+        assert_eq!(log(&dir), format!("out/frames/ca/a/d/{}/s@3.csv", fan("s@3.csv")));
     }
 
     #[test]

@@ -10,7 +10,7 @@ mod junit;
 mod plot;
 mod table;
 
-pub use atomic::write_atomic;
+pub use atomic::{Durable, write_atomic};
 pub use bars::bars_svg;
 pub use json::{SCHEMA_VERSION, Thresholds, read_summary, read_with_thresholds, summary_json};
 pub use junit::junit;
@@ -18,6 +18,7 @@ pub use plot::success_svg;
 pub use table::{Format, SORT_KEYS, TableOptions, parse_sort, render, table};
 
 use crate::eval::aggregate::Results;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// A result file could not be written or read.
@@ -66,20 +67,21 @@ impl Default for Meta {
     }
 }
 
-/// Writes `summary.csv`, `sequences.csv`, `curves.csv`, `summary.json` and `success.svg` into the existing directory
-/// `dir`.
+/// Writes `summary.csv`, `sequences.csv`, `curves.csv`, `summary.json` and `success.svg` into the directory `dir`.
 ///
 /// # Errors
 /// [`OutputError`] naming the file that could not be written.
 pub fn write_results(dir: &Path, results: &Results, meta: &Meta) -> Result<(), OutputError> {
-    write_atomic(&dir.join("sequences.csv"), |w| csv::sequences(w, results))?;
-    write_atomic(&dir.join("summary.csv"), |w| csv::summary(w, &results.summary))?;
-    write_atomic(&dir.join("curves.csv"), |w| {
-        csv::curves(w, results, meta.sequence_curves)
-    })?;
-    write_atomic(&dir.join("summary.json"), |w| json::write(w, results, meta))?;
+    let file = |name: &str, write: &dyn Fn(&mut dyn Write) -> io::Result<()>| {
+        let path = dir.join(name);
+        write_atomic(&path, Durable::Now, write).map_err(|source| OutputError::Io { path, source })
+    };
+    file("sequences.csv", &|w| csv::sequences(w, results))?;
+    file("summary.csv", &|w| csv::summary(w, &results.summary))?;
+    file("curves.csv", &|w| csv::curves(w, results, meta.sequence_curves))?;
+    file("summary.json", &|w| json::write(w, results, meta))?;
     let svg = success_svg(results, &meta.title)?;
-    write_atomic(&dir.join("success.svg"), |w| w.write_all(svg.as_bytes()))
+    file("success.svg", &|w| w.write_all(svg.as_bytes()))
 }
 
 #[cfg(test)]
@@ -114,9 +116,11 @@ mod tests {
     }
 
     #[test]
-    fn missing_directory_is_an_error() {
+    fn a_file_in_the_way_is_an_error() {
         let dir = tempfile::tempdir().unwrap();
-        let error = write_results(&dir.path().join("no"), &Results::default(), &Meta::default()).unwrap_err();
+        std::fs::write(dir.path().join("file"), "").unwrap();
+        let error =
+            write_results(&dir.path().join("file"), &Results::default(), &Meta::default()).unwrap_err();
         assert!(error.to_string().contains("sequences.csv"), "{error}");
     }
 

@@ -348,8 +348,8 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Nn<A, S> {
     }
 
     fn memory(&self) -> usize {
-        // Before `init` the feature's length is not known; patches are of that order.
-        let len = self.features.len.max(self.probe.sampling.shape().len());
+        // Before `init` some models do not know the length of their feature; patches are of that order.
+        let len = self.probe.am.feature_len().max(self.probe.sampling.shape().len());
         let sample = 4 * len + 8 * (self.probe.ssm.dof() + 8);
         self.probe.memory() + self.params.n_samples * sample + self.index.memory()
     }

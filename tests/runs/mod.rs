@@ -77,6 +77,14 @@ pub fn reproducible(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     files
 }
 
+/// Fails naming the files in which two run directories differ, but for what may.
+pub fn assert_same(a: &Path, b: &Path) {
+    let (a, b) = (reproducible(a), reproducible(b));
+    let names = a.keys().chain(b.keys());
+    let different: Vec<&PathBuf> = names.filter(|name| a.get(*name) != b.get(*name)).collect();
+    assert!(different.is_empty(), "{different:?}");
+}
+
 /// The complete lines of a journal.
 pub fn journal_lines(bytes: &[u8]) -> Vec<serde_json::Value> {
     let text = String::from_utf8_lossy(bytes);

@@ -1,0 +1,367 @@
+//! What an experiment consists of: a grid file, overridden by flags, looked up in the registry and on disk.
+
+use super::args::{ExperimentArgs, FrameLogsArg, OnBadData, SelectionArgs, TrackerArgs};
+use super::args::{at_least_one, at_least_two, positive};
+use super::{Console, Failure, exit};
+use clap::ValueEnum;
+use globset::{GlobBuilder, GlobSet, GlobSetBuilder};
+use mtf_eval::dataset::{self, Label, LoadOptions, Sequence};
+use mtf_eval::eval::baseline::recordable;
+use mtf_eval::eval::grid::{Grid, GridError};
+use mtf_eval::eval::request::sequence_id;
+use mtf_eval::eval::{FrameLogs, Protocol, RunRequest, TrackerEntry};
+use mtf_eval::image::parse_preprocessor;
+use mtf_eval::registry::{Refusal, Registry, Selection, SpecError, TrackerSpec};
+use mtf_eval::ssm;
+use serde_json::Map;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Filter of frames that is not asked for otherwise.
+pub(super) const USUAL_FILTER: &str = "gaussian:5:3";
+
+/// The request of an experiment, but for how and where it is run. `command` is how it was asked for.
+///
+/// # Errors
+/// Wrong arguments or grid file, unusable data, nothing selected.
+pub(super) fn experiment(
+    args: &ExperimentArgs,
+    command: &[String],
+    console: &Console,
+) -> Result<RunRequest, Failure> {
+    let grid = args
+        .grid
+        .as_deref()
+        .map(Grid::read)
+        .transpose()
+        .map_err(Failure::usage)?
+        .unwrap_or_default();
+    let mut args = args.clone();
+    complete(&mut args, &grid).map_err(Failure::usage)?;
+    let pre =
+        parse_preprocessor(args.trackers.pre.as_deref().unwrap_or(USUAL_FILTER)).map_err(Failure::usage)?;
+    let registry = Arc::new(Registry::builtin());
+    let settings = grid.settings(|name| overridden(&args.trackers, name));
+    let (specs, refused) = specs(&args.trackers, &settings, &registry).map_err(|e| match grid.blame(&e) {
+        Some(line) => Failure::usage(grid.at(line, e)),
+        None => Failure::usage(e),
+    })?;
+    tell(&refused, console);
+    let trackers = filtered(specs, &args.trackers, &registry, console)?;
+    let mut sequences = sequences(&args.data, &args.selection, console)?;
+    if let Some(name) = &args.selection.gt_ssm {
+        fit_truth(&mut sequences, &registry, name)?;
+    }
+    // Only what defines the results, so that the file does not depend on threads or places.
+    let mut command = recordable(command);
+    if args.data.is_empty() {
+        command.insert(0, dataset::BUILTIN.into());
+    }
+    let mut about = Map::new();
+    about.insert("frame_gap".into(), args.selection.frame_gap.unwrap_or(1).into());
+    about.insert("max_frames".into(), args.selection.max_frames.into());
+    about.insert("gt_ssm".into(), args.selection.gt_ssm.clone().into());
+    about.insert("command".into(), command.into());
+    Ok(RunRequest {
+        trackers,
+        sequences,
+        pre,
+        protocol: args.selection.protocol.unwrap_or_default(),
+        seed: args.seed.unwrap_or(0),
+        shard: None,
+        threads: 0,
+        threads_per_tracker: 1,
+        memory: u64::MAX,
+        out: PathBuf::new(),
+        force: false,
+        frame_logs: match args.frame_logs {
+            None | Some(FrameLogsArg::Csv) => FrameLogs::Csv,
+            Some(FrameLogsArg::Zst) => FrameLogs::Zst,
+            Some(FrameLogsArg::None) => FrameLogs::None,
+        },
+        timeout: args.timeout.map(Duration::from_secs_f64),
+        grace: Duration::ZERO,
+        about,
+        host: Map::new(),
+    })
+}
+
+/// Takes from the file what no flag says.
+fn complete(args: &mut ExperimentArgs, grid: &Grid) -> Result<(), GridError> {
+    let list = |to: &mut Vec<String>, key: &str| {
+        if to.is_empty() {
+            to.extend(grid.list(key).iter().map(|l| l.text.clone()));
+        }
+    };
+    if args.data.is_empty() {
+        args.data = grid.data();
+    }
+    let (trackers, selection) = (&mut args.trackers, &mut args.selection);
+    list(&mut trackers.sm, "sm");
+    list(&mut trackers.am, "am");
+    list(&mut trackers.ssm, "ssm");
+    list(&mut trackers.ilm, "ilm");
+    list(&mut trackers.expressions, "tracker");
+    list(&mut trackers.include, "include");
+    list(&mut trackers.exclude, "exclude");
+    list(&mut selection.seq, "seq");
+    list(&mut selection.tag, "tag");
+    fn or<T>(
+        to: &mut Option<T>,
+        grid: &Grid,
+        key: &str,
+        parse: impl Fn(&str) -> Result<T, String>,
+    ) -> Result<(), GridError> {
+        // Looked at even when a flag has the word: a file is right or wrong whatever the flags.
+        let value = grid.value(key, parse)?;
+        *to = to.take().or(value);
+        Ok(())
+    }
+    let text = |s: &str| Ok(s.to_owned());
+    let pre = |s: &str| {
+        parse_preprocessor(s)
+            .map(|_| s.to_owned())
+            .map_err(|e| e.to_string())
+    };
+    or(&mut trackers.pre, grid, "pre", pre)?;
+    or(&mut selection.max_frames, grid, "max_frames", at_least_two)?;
+    or(&mut selection.frame_gap, grid, "frame_gap", at_least_one)?;
+    or(&mut selection.gt_ssm, grid, "gt_ssm", text)?;
+    or(&mut selection.protocol, grid, "protocol", str::parse::<Protocol>)?;
+    or(&mut selection.on_bad_data, grid, "on_bad_data", |s| {
+        OnBadData::from_str(s, true)
+    })?;
+    or(&mut args.frame_logs, grid, "frame_logs", |s| {
+        FrameLogsArg::from_str(s, true)
+    })?;
+    or(&mut args.seed, grid, "seed", |s| {
+        s.parse().map_err(|_| "expected a whole number, 0 or more".into())
+    })?;
+    or(&mut args.timeout, grid, "timeout", positive)
+}
+
+/// Whether a flag says what the parameter `name` shall be.
+fn overridden(args: &TrackerArgs, name: &str) -> bool {
+    let flags = [
+        ("res", args.res.is_some()),
+        ("max_iters", args.max_iters.is_some()),
+        ("epsilon", args.epsilon.is_some()),
+        ("channels", args.channels.is_some()),
+    ];
+    flags.contains(&(name, true)) || args.set.iter().any(|(set, _)| set == name)
+}
+
+/// The trackers asked for, with each of the `settings`, and the combinations that cannot work.
+///
+/// # Errors
+/// Unknown names, bad values, nothing that can work.
+fn specs(
+    args: &TrackerArgs,
+    settings: &[Vec<(String, String)>],
+    registry: &Registry,
+) -> Result<(Vec<TrackerSpec>, Vec<Refusal>), SpecError> {
+    // Settings with flags of their own are parameters like any other; --set has the last word.
+    let common = [
+        ("res", args.res.clone()),
+        ("max_iters", args.max_iters.map(|n| n.to_string())),
+        ("epsilon", args.epsilon.map(|x| x.to_string())),
+        ("channels", args.channels.map(|n| n.to_string())),
+    ];
+    let common = common
+        .into_iter()
+        .filter_map(|(name, value)| Some((name.to_owned(), value?)));
+    let common: Vec<_> = common.collect();
+    let mut selection = Selection {
+        sm: args.sm.clone(),
+        am: args.am.clone(),
+        ssm: args.ssm.clone(),
+        ilm: args.ilm.clone(),
+        trackers: args.expressions.clone(),
+        set: Vec::new(),
+    };
+    // Expressions alone are all there is; else what is not named is the default.
+    let lists = [&args.sm, &args.am, &args.ssm, &args.ilm];
+    if args.expressions.is_empty() || lists.iter().any(|l| !l.is_empty()) {
+        for (list, default) in [
+            (&mut selection.sm, "esm"),
+            (&mut selection.am, "ssd"),
+            (&mut selection.ssm, "homography"),
+        ] {
+            if list.is_empty() {
+                list.push(default.into());
+            }
+        }
+    }
+    let mut specs = BTreeSet::new();
+    let mut refused = Vec::new();
+    for settings in settings {
+        selection.set = [&common[..], settings, &args.set].concat();
+        let expansion = registry.expand(&selection)?;
+        specs.extend(expansion.specs);
+        refused.extend(expansion.refused);
+    }
+    Ok((specs.into_iter().collect(), refused))
+}
+
+/// Tells which combinations cannot work, once per reason.
+fn tell(refused: &[Refusal], console: &Console) {
+    let mut reasons: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    for refusal in refused {
+        reasons.entry(&refusal.reason).or_default().insert(&refusal.id);
+    }
+    for (reason, ids) in reasons {
+        let more = match ids.len() {
+            1 => " is".to_owned(),
+            n => format!(" and {} more are", n - 1),
+        };
+        let first = ids.first().copied().unwrap_or_default();
+        console.warn(&format!("{first}{more} refused: {reason}"));
+    }
+}
+
+/// Trackers of the command line alone; combinations that cannot work are told.
+///
+/// # Errors
+/// Unknown names, bad values, nothing that can work.
+pub(super) fn trackers(
+    args: &TrackerArgs,
+    registry: &Arc<Registry>,
+    console: &Console,
+) -> Result<Vec<TrackerEntry>, Failure> {
+    let (entries, refused) = expand(args, registry, console)?;
+    tell(&refused, console);
+    Ok(entries)
+}
+
+/// Trackers of the command line alone, and the combinations that cannot work.
+///
+/// # Errors
+/// Unknown names, bad values, nothing that can work.
+pub(super) fn expand(
+    args: &TrackerArgs,
+    registry: &Arc<Registry>,
+    console: &Console,
+) -> Result<(Vec<TrackerEntry>, Vec<Refusal>), Failure> {
+    let (specs, refused) = specs(args, &[Vec::new()], registry).map_err(Failure::usage)?;
+    Ok((filtered(specs, args, registry, console)?, refused))
+}
+
+/// Those of the trackers that --include and --exclude leave.
+fn filtered(
+    specs: Vec<TrackerSpec>,
+    args: &TrackerArgs,
+    registry: &Arc<Registry>,
+    console: &Console,
+) -> Result<Vec<TrackerEntry>, Failure> {
+    let ids: Vec<String> = specs.iter().map(TrackerSpec::to_string).collect();
+    // A pattern may leave out the parameters.
+    let bare = |id: &str| id.split('{').next().unwrap_or(id).to_owned();
+    let matching = |flag: &str, patterns: &[String]| -> Result<Vec<bool>, Failure> {
+        let set = globs(flag, patterns)?;
+        let hits: Vec<Vec<usize>> = ids
+            .iter()
+            .map(|id| [set.matches(id), set.matches(bare(id))].concat())
+            .collect();
+        for (k, pattern) in patterns.iter().enumerate() {
+            if !hits.iter().any(|h| h.contains(&k)) {
+                console.warn(&format!("{flag} {pattern} matches no tracker"));
+            }
+        }
+        Ok(hits.iter().map(|h| !h.is_empty()).collect())
+    };
+    let (include, exclude) = (
+        matching("--include", &args.include)?,
+        matching("--exclude", &args.exclude)?,
+    );
+    let kept = specs
+        .iter()
+        .enumerate()
+        .filter(|(k, _)| (args.include.is_empty() || include[*k]) && !exclude[*k]);
+    let entries = kept.map(|(_, spec)| TrackerEntry::from_registry(registry, spec));
+    let entries: Vec<TrackerEntry> = entries.collect::<Result<_, _>>().map_err(Failure::usage)?;
+    match entries.is_empty() {
+        true => Err(Failure::new(
+            exit::NOTHING,
+            format!("none of {} trackers passes --include and --exclude", specs.len()),
+        )),
+        false => Ok(entries),
+    }
+}
+
+/// The sequences of `data` (the embedded ones if empty) that pass the filters, cut to the frames asked for.
+///
+/// # Errors
+/// Data that cannot be read, nothing that passes.
+pub(super) fn sequences(
+    data: &[PathBuf],
+    args: &SelectionArgs,
+    console: &Console,
+) -> Result<Vec<Sequence>, Failure> {
+    let names = globs("--seq", &args.seq)?;
+    let wanted = |label: &Label<'_>| {
+        let id = format!("{}/{}", label.dataset, label.name);
+        let named = args.seq.is_empty() || names.is_match(label.name) || names.is_match(&id);
+        let tagged = |tag: &String| label.tags.iter().any(|t| t.eq_ignore_ascii_case(tag));
+        named && (args.tag.is_empty() || args.tag.iter().any(tagged))
+    };
+    let options = LoadOptions {
+        on_bad_data: match args.on_bad_data {
+            Some(OnBadData::Skip) => dataset::OnBadData::Skip,
+            _ => dataset::OnBadData::Fail,
+        },
+        start: 0,
+        frame_gap: args.frame_gap.unwrap_or(1),
+        max_frames: args.max_frames,
+    };
+    let mut all = 0;
+    let mut chosen = Vec::new();
+    let builtin = [PathBuf::from(dataset::BUILTIN)];
+    for path in if data.is_empty() { &builtin } else { data } {
+        let set = dataset::load_where(path, &options, &wanted).map_err(Failure::usage)?;
+        for fault in &set.skipped {
+            console.warn(&fault.to_string());
+        }
+        all += set.sequences.len() + set.unwanted;
+        chosen.extend(set.sequences);
+    }
+    if chosen.is_empty() {
+        return Err(Failure::new(
+            exit::NOTHING,
+            format!("none of {all} sequences passes --seq and --tag"),
+        ));
+    }
+    Ok(chosen)
+}
+
+/// Replaces ground truth by what the state space model `name` can follow of it.
+fn fit_truth(sequences: &mut [Sequence], registry: &Registry, name: &str) -> Result<(), Failure> {
+    let models = registry
+        .select_ssms(name)
+        .map_err(|e| Failure::usage(format!("--gt-ssm: {e}")))?;
+    let [model] = models[..] else {
+        return Err(Failure::usage(format!(
+            "--gt-ssm {name}: give one state space model"
+        )));
+    };
+    for sequence in sequences {
+        let fitted = sequence.with_fitted_truth(|first, corners| ssm::fit_truth(model, first, corners));
+        *sequence = fitted.map_err(|(frame, e)| {
+            let id = sequence_id(sequence);
+            Failure::usage(format!(
+                "{id}: --gt-ssm {name} does not fit the ground truth of {frame}: {e}"
+            ))
+        })?;
+    }
+    Ok(())
+}
+
+fn globs(flag: &str, patterns: &[String]) -> Result<GlobSet, Failure> {
+    let mut set = GlobSetBuilder::new();
+    for pattern in patterns {
+        let glob = GlobBuilder::new(pattern).case_insensitive(true).build();
+        set.add(glob.map_err(|e| Failure::usage(format!("{flag}: {e}")))?);
+    }
+    set.build().map_err(Failure::usage)
+}

@@ -1,0 +1,66 @@
+//! `mtf-eval merge`: joins the run directories of shards.
+
+use super::args::{ProgressMode, TableArgs, at_least_one};
+use super::progress::Progress;
+use super::run::{failure, show};
+use super::{Console, Failure, Outcome, exit};
+use mtf_eval::eval::merge::{MergeRequest, Merged, merge};
+use serde_json::Map;
+use std::path::PathBuf;
+
+/// Arguments of `merge`.
+#[derive(clap::Args, Clone, Debug)]
+pub struct MergeArgs {
+    /// The run directory to make; shards merged into it before are kept
+    #[arg(value_name = "OUT")]
+    pub out: PathBuf,
+    /// Run directories of shards, in any order
+    #[arg(value_name = "SHARD", required = true)]
+    pub shards: Vec<PathBuf>,
+    /// Discard what OUT holds
+    #[arg(long)]
+    pub force: bool,
+    /// How many missing units to name
+    #[arg(long, value_name = "N", default_value = "10")]
+    pub show: usize,
+    /// Worker threads [default: all cores]
+    #[arg(short = 'j', long, value_name = "N", value_parser = at_least_one)]
+    pub threads: Option<usize>,
+    /// How to print the result.
+    #[command(flatten)]
+    pub table: TableArgs,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Directories that are no runs, are of different runs, are in use or incomplete.
+pub fn run(args: &MergeArgs, progress: ProgressMode, console: &Console) -> Outcome {
+    let request = MergeRequest {
+        parts: args.shards.clone(),
+        out: args.out.clone(),
+        force: args.force,
+        threads: args.threads.unwrap_or(0),
+        host: Map::new(),
+    };
+    match merge(&request, &Progress::new(console, progress)).map_err(failure)? {
+        Merged::Complete(report) => show(&report, &args.table, console),
+        Merged::Incomplete(missing) => {
+            let mut text = format!(
+                "incomplete: {} of {} units are missing",
+                missing.missing.len(),
+                missing.units
+            );
+            for (shard, count) in &missing.shards {
+                text += &format!("\n  {shard} lacks {count}");
+            }
+            for unit in missing.missing.iter().take(args.show) {
+                text += &format!("\n  {unit}");
+            }
+            if missing.missing.len() > args.show {
+                text += &format!("\n  and {} more", missing.missing.len() - args.show);
+            }
+            Err(Failure::new(exit::INCOMPLETE, text))
+        }
+    }
+}
