@@ -115,7 +115,8 @@ pub fn run(args: &BenchArgs, console: &Console) -> Outcome {
         refused: refused.into_iter().map(|r| (r.id, r.reason)).collect(),
         failed,
     };
-    if let Some(other) = others.iter().find(|o| o.machine.cpu != measured.machine.cpu) {
+    let elsewhere = |o: &&Measurement| !o.machine.cpu.is_empty() && o.machine.cpu != measured.machine.cpu;
+    if let Some(other) = others.iter().find(elsewhere) {
         console.warn(&format!(
             "the saved measurement is of another machine ({})",
             other.machine.line()

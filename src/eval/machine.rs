@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub struct Machine {
     /// Model of the processor.
     pub cpu: String,
-    /// Cores that this process may use.
+    /// Processors of the machine.
     pub cores: usize,
     /// Operating system.
     pub os: String,
@@ -37,7 +37,7 @@ impl Machine {
     pub fn here() -> Machine {
         Machine {
             cpu: cpu_name(),
-            cores: std::thread::available_parallelism().map_or(1, usize::from),
+            cores: cores(),
             os: os_name(),
             arch: std::env::consts::ARCH.to_owned(),
             simd: crate::kernels::simd_level().name().to_owned(),
@@ -75,6 +75,15 @@ fn cpu_name() -> String {
         || std::env::consts::ARCH.to_owned(),
         |(_, name)| name.trim().to_owned(),
     )
+}
+
+/// Processors of the machine, also where this process may use but some.
+fn cores() -> usize {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    match info.lines().filter(|l| l.starts_with("processor")).count() {
+        0 => std::thread::available_parallelism().map_or(1, usize::from),
+        n => n,
+    }
 }
 
 /// Name of the distribution, or of the kind of system.
