@@ -28,7 +28,7 @@ crate::params! {
         best_judge: usize = 1600, in 100..=100_000;
         /// Score, relative to the median of the last frames, from which no other start is tried.
         best_enough: f64 = 0.9, in 0.0..=1.0;
-        /// Mean correlation of the better half of the visible template from which it has been found.
+        /// Mean correlation of the best two fifths of the visible template from which it has been found.
         best_found: f64 = 0.6, in 0.0..=1.0;
         /// Distance that is searched around the last place, px.
         best_reach: f64 = 48.0, in 0.0..=1000.0;
@@ -38,11 +38,14 @@ crate::params! {
 }
 
 /// Fewest blocks that agree, and least share of all, where the object has been found.
-const AGREEING: (usize, f64) = (4, 0.12);
+const AGREEING: (usize, f64) = (4, 0.15);
 /// Frames whose scores are remembered.
 const MEMORY: usize = 15;
-/// Score, relative to the median, below which key points are looked at.
-const DOUBT: f64 = 0.75;
+/// Correlation of the best blocks, relative to the median of the last frames, from which the object has been found, and
+/// from which key points need not be asked.
+const FOUND: (f64, f64) = (0.72, 0.85);
+/// What a later candidate must be better by.
+const MARGIN: f64 = 0.03;
 /// Fewest points that flow is believed with, and least share of them.
 const FLOW: (usize, f64) = (8, 0.6);
 /// Rotations, degrees, and magnifications of the wider search.
@@ -74,7 +77,8 @@ struct Candidate {
     score: Score,
 }
 
-/// The tracker `best`; its similarity is the mean correlation of the template's visible blocks, 0 to 1.
+/// The tracker `best`; its similarity is the mean of the cubed correlations of the template's blocks, 0 to 1 (blocks
+/// outside the image count less).
 pub struct Best {
     params: BestParams,
     aligner: Aligner,
@@ -88,8 +92,10 @@ pub struct Best {
     has_features: bool,
     seed: u64,
     /// Scores of the last frames in which the object was found.
-    scores: VecDeque<f64>,
+    scores: VecDeque<Score>,
     sorted: Vec<f64>,
+    /// Medians of their totals and of the correlations of their best blocks.
+    usual: (f64, f64),
     /// Frames since the object was last found, and of these those in which flow was believed.
     lost: usize,
     /// Places in the base that flow follows, and pairs of places in the last frame and this one.
@@ -136,6 +142,7 @@ impl Best {
             seed: 0,
             scores: VecDeque::with_capacity(MEMORY + 1),
             sorted: Vec::with_capacity(MEMORY + 1),
+            usual: (1.0, 1.0),
             lost: 0,
             nodes: Vec::new(),
             from: Vec::new(),
@@ -144,17 +151,26 @@ impl Best {
         }
     }
 
-    /// Median of the scores of the last frames.
-    fn median(&mut self) -> f64 {
-        self.sorted.clear();
-        self.sorted.extend(&self.scores);
-        self.sorted.sort_unstable_by(f64::total_cmp);
-        self.sorted.get(self.sorted.len() / 2).copied().unwrap_or(1.0)
+    /// Takes note of the score of a frame in which the object was found.
+    fn remember(&mut self, score: Score) {
+        self.scores.push_back(score);
+        if self.scores.len() > MEMORY {
+            self.scores.pop_front();
+        }
+        let mut median = |of: fn(&Score) -> f64| {
+            self.sorted.clear();
+            self.sorted.extend(self.scores.iter().map(of));
+            self.sorted.sort_unstable_by(f64::total_cmp);
+            self.sorted[self.sorted.len() / 2]
+        };
+        self.usual = (median(|s| s.total), median(|s| s.best));
     }
 
     /// Whether a score says that the object is there.
     fn found(&self, score: &Score) -> bool {
-        score.best_half >= self.params.best_found && score.agreeing >= AGREEING.0 && score.agree >= AGREEING.1
+        score.best >= self.params.best_found.max(FOUND.0 * self.usual.1)
+            && score.agreeing >= AGREEING.0
+            && score.agree >= AGREEING.1
     }
 
     /// Aligns from a start and keeps the result when it is the best.
@@ -166,7 +182,7 @@ impl Best {
         let better = |b: &Candidate| {
             let found = (self.found(&score), self.found(&b.score));
             if found.0 == found.1 {
-                score.total > b.score.total
+                score.total > b.score.total + MARGIN
             } else {
                 found.0
             }
@@ -221,21 +237,23 @@ impl Best {
 
     /// The best pose in a frame, and that of flow where it may be believed.
     fn locate(&mut self, frame: &Frame) -> (Option<Candidate>, Option<Mat3>) {
-        let enough = self.params.best_enough * self.median();
+        let enough = self.params.best_enough * self.usual.0;
+        let certain = FOUND.1 * self.usual.1;
         let judge = self.params.best_judge;
         let hold = self.pose;
         let ahead = self.motion * hold;
         let moving = self.lost == 0
-            && self.aligner.assess(frame, &ahead, judge).total > self.aligner.assess(frame, &hold, judge).total;
+            && self.aligner.assess(frame, &ahead, judge).total
+                > self.aligner.assess(frame, &hold, judge).total;
         let first = if moving { ahead } else { hold };
         let mut best = None;
         let mut coast = None;
-        let good = |this: &Self, best: &Option<Candidate>, least: f64| {
+        let good = |this: &Self, best: &Option<Candidate>, total: f64, part: f64| {
             best.as_ref()
-                .is_some_and(|b| this.found(&b.score) && b.score.total >= least)
+                .is_some_and(|b| this.found(&b.score) && b.score.total >= total && b.score.best >= part)
         };
         self.attempt(frame, &first, &mut best);
-        if good(self, &best, enough) {
+        if good(self, &best, enough, 0.0) {
             return (best, None);
         }
         if self.previous.is_some() {
@@ -243,20 +261,20 @@ impl Best {
                 coast = sure.then_some(pose);
                 self.attempt(frame, &pose, &mut best);
             }
-            if good(self, &best, enough) {
+            if good(self, &best, enough, 0.0) {
                 return (best, None);
             }
         }
         if let Some((pose, _)) = self.aligner.search(frame, &first, self.params.best_reach) {
             self.attempt(frame, &pose, &mut best);
         }
-        if good(self, &best, DOUBT * enough) {
+        if good(self, &best, 0.0, certain) {
             return (best, coast);
         }
         if let Some(pose) = self.key_points(frame, &first) {
             self.attempt(frame, &pose, &mut best);
         }
-        if good(self, &best, DOUBT * enough) {
+        if good(self, &best, 0.0, 0.0) {
             return (best, coast);
         }
         let turned = TURNS
@@ -314,6 +332,7 @@ impl Tracker for Best {
         // Without key points all else works.
         self.has_features = self.features.init(frame, corners).is_ok();
         self.scores.clear();
+        self.usual = (1.0, 1.0);
         self.lost = 0;
         self.settle(frame, self.pose);
         self.motion = Mat3::identity();
@@ -334,10 +353,7 @@ impl Tracker for Best {
                 self.motion = Mat3::identity();
             }
             self.lost = 0;
-            self.scores.push_back(score.total);
-            if self.scores.len() > MEMORY {
-                self.scores.pop_front();
-            }
+            self.remember(score);
             self.previous = Some(frame.clone());
         } else {
             self.lost += 1;
@@ -386,5 +402,166 @@ impl Tracker for Best {
 
     fn memory(&self) -> usize {
         self.aligner.memory() + self.klt.memory() + self.features.memory()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Image;
+
+    const SIZE: (usize, usize) = (480, 360);
+
+    /// Waves and a few hundred soft dots: texture at every scale, key points included.
+    fn object(x: f64, y: f64) -> f64 {
+        let cell = |v: f64| (v / 14.0).floor();
+        let hash = |i: f64, j: f64, k: f64| libm::sin(i * 127.1 + j * 311.7 + k * 74.7) * 43758.5453;
+        let unit = |v: f64| v - v.floor();
+        let (i, j) = (cell(x), cell(y));
+        let (cx, cy) = (
+            14.0 * (i + 0.3 + 0.4 * unit(hash(i, j, 1.0))),
+            14.0 * (j + 0.3 + 0.4 * unit(hash(i, j, 2.0))),
+        );
+        let r = ((x - cx).powi(2) + (y - cy).powi(2)).sqrt() / (2.0 + 3.0 * unit(hash(i, j, 3.0)));
+        let dot = 130.0 * (unit(hash(i, j, 4.0)) - 0.5) / (1.0 + (r * r).powi(3));
+        120.0 + 20.0 * libm::sin(0.05 * x + 0.02 * y) + 20.0 * libm::sin(0.06 * y - 0.03 * x + 1.0) + dot
+    }
+
+    fn quad() -> Corners {
+        Corners::rect(150.0, 100.0, 160.0, 130.0)
+    }
+
+    /// The object moved by `m` before a plain background; `covered`: the left part of it is behind a striped sheet.
+    fn scene(m: &Mat3, covered: f64) -> Frame {
+        let back = m.try_inverse().unwrap();
+        Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, |x, y| {
+            let [u, v] = homography::apply(&back, [x as f64, y as f64]);
+            let (s, t) = ((u - 142.0) / 176.0, (v - 92.0) / 146.0);
+            let stripes = 110.0 + 60.0 * libm::sin(0.31 * x as f64 + 0.9 * libm::sin(0.05 * y as f64));
+            let value = if !(0.0..=1.0).contains(&s) || !(0.0..=1.0).contains(&t) {
+                100.0 + 0.1 * x as f64
+            } else if s < covered {
+                stripes
+            } else {
+                object(u, v)
+            };
+            value as f32
+        }))
+    }
+
+    fn motion(degrees: f64, zoom: f64, [dx, dy]: [f64; 2]) -> Mat3 {
+        let (s, c) = libm::sincos(degrees.to_radians());
+        let (cx, cy) = (230.0, 165.0);
+        let turn = Mat3::new(
+            zoom * c,
+            -zoom * s,
+            cx + dx,
+            zoom * s,
+            zoom * c,
+            cy + dy,
+            0.0,
+            0.0,
+            1.0,
+        );
+        turn * Mat3::new(1.0, 0.0, -cx, 0.0, 1.0, -cy, 0.0, 0.0, 1.0)
+    }
+
+    fn error(tracker: &Best, m: &Mat3) -> f64 {
+        let truth = homography::apply_corners(m, &quad());
+        (tracker.corners().distance_squared(&truth) / 4.0).sqrt()
+    }
+
+    fn started() -> Best {
+        let mut tracker = Best::new(BestParams::default());
+        tracker.init(&scene(&Mat3::identity(), 0.0), &quad()).unwrap();
+        tracker
+    }
+
+    #[test]
+    fn the_score_is_one_at_alignment_and_falls_off() {
+        let mut tracker = started();
+        let frame = scene(&Mat3::identity(), 0.0);
+        let mut last = 2.0;
+        for (k, shift) in [0.0, 1.0, 2.0, 4.0, 8.0].into_iter().enumerate() {
+            let pose = motion(0.0, 1.0, [shift, 0.0]) * tracker.pose;
+            let score = tracker.aligner.assess(&frame, &pose, 1600);
+            assert!(score.total < last, "{shift} {score:?}");
+            assert!(k > 0 || score.total > 0.999, "{score:?}");
+            last = score.total;
+        }
+        assert!(last < 0.2, "{last}");
+        // Half of it covered: half the score, but what is seen agrees.
+        let score = tracker
+            .aligner
+            .assess(&scene(&Mat3::identity(), 0.5), &tracker.pose.clone(), 1600);
+        assert!(
+            (0.35..0.65).contains(&score.total) && score.best > 0.95,
+            "{score:?}"
+        );
+    }
+
+    #[test]
+    fn it_follows_smooth_motion_to_hundredths_of_a_pixel() {
+        let mut tracker = started();
+        for t in 1..12 {
+            let t = f64::from(t);
+            let m = motion(4.0 * t, 1.0 + 0.02 * t, [9.0 * t, -3.0 * t]);
+            let update = tracker.update(&scene(&m, 0.0)).unwrap();
+            assert!(error(&tracker, &m) < 0.1, "{t} {}", error(&tracker, &m));
+            assert!(update.similarity > 0.8, "{t} {update:?}");
+        }
+    }
+
+    #[test]
+    fn it_recovers_after_a_jump_while_half_covered() {
+        for (degrees, zoom, shift) in [
+            (35.0, 1.25, [70.0, 40.0]),
+            (-60.0, 0.8, [-60.0, 50.0]),
+            (150.0, 1.0, [20.0, -30.0]),
+        ] {
+            let mut tracker = started();
+            let m = motion(degrees, zoom, shift);
+            tracker.update(&scene(&m, 0.45)).unwrap();
+            assert!(error(&tracker, &m) < 0.5, "{degrees} {}", error(&tracker, &m));
+        }
+    }
+
+    #[test]
+    fn it_stays_where_it_was_when_there_is_nothing_and_finds_the_object_again() {
+        let mut tracker = started();
+        let empty = Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, |x, y| {
+            (x % 7 * y % 5) as f32 * 9.0
+        }));
+        for _ in 0..3 {
+            let update = tracker.update(&empty).unwrap();
+            assert!(update.similarity < 0.3, "{update:?}");
+            assert!(error(&tracker, &Mat3::identity()) < 1e-9);
+        }
+        let m = motion(80.0, 1.1, [90.0, 20.0]);
+        tracker.update(&scene(&m, 0.0)).unwrap();
+        assert!(error(&tracker, &m) < 0.1, "{}", error(&tracker, &m));
+    }
+
+    #[test]
+    fn bad_starts_are_refused() {
+        let mut tracker = Best::new(BestParams::default());
+        let frame = scene(&Mat3::identity(), 0.0);
+        assert_eq!(tracker.update(&frame).unwrap_err(), TrackError::NotInitialised);
+        assert_eq!(tracker.set_region(&quad()), Err(TrackError::NotInitialised));
+        let flat = Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, |_, _| 80.0));
+        assert!(matches!(
+            tracker.init(&flat, &quad()),
+            Err(TrackError::Template(_))
+        ));
+        let crossed = Corners([[10.0, 10.0], [90.0, 90.0], [90.0, 10.0], [10.0, 90.0]]);
+        assert!(matches!(
+            tracker.init(&frame, &crossed),
+            Err(TrackError::BadRegion(_))
+        ));
+        let nan = Corners::rect(f64::NAN, 0.0, 10.0, 10.0);
+        assert!(matches!(
+            tracker.init(&frame, &nan),
+            Err(TrackError::NotFinite(_))
+        ));
     }
 }

@@ -26,16 +26,20 @@ const PROJECTIVE: usize = 250;
 /// Least points that poses are searched with, and what a pose at the border of the search must be better by.
 const SEARCH: usize = 180;
 const NEARER: f64 = 0.02;
+/// Mean correlation of the best blocks from which coarse levels are left out, and below which nothing is there.
+const NEAR: f64 = 0.6;
+const NOTHING: f64 = 0.35;
 /// Largest step, as a fraction of the object's side.
 const STEP: f64 = 0.6;
 
 /// How well the template agrees with the image at a pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Score {
-    /// Mean correlation of the blocks that are inside the image and have texture, negative ones as 0; less when there are few.
+    /// Sum of the cubed correlations of the textured blocks inside the image, negative ones as 0, per such block;
+    /// blocks outside count for a third of one.
     pub total: f64,
-    /// Mean correlation of the better half of them.
-    pub best_half: f64,
+    /// Mean correlation of the best two fifths of the blocks inside.
+    pub best: f64,
     /// Share of all textured blocks that agree.
     pub agree: f64,
     /// Number of blocks that agree.
@@ -94,9 +98,7 @@ impl Aligner {
             buffer.resize(n, 0.0);
         }
         self.gram = SymMatrix::new(WARP + 3);
-        self.views
-            .iter()
-            .any(|v| v.blocks.iter().any(|b| b.textured))
+        self.views.iter().any(|v| v.blocks.iter().any(|b| b.textured))
     }
 
     /// Pose at which the object is at `corners`.
@@ -117,7 +119,9 @@ impl Aligner {
     /// Whether a pose shows the front of the object whole before the camera at a sensible size.
     pub fn sound(&self, pose: &Mat3, frame: &Frame) -> bool {
         let corners = self.corners(pose);
-        let ahead = |c: &[f64; 2]| pose[(2, 0)] * c[0] + pose[(2, 1)] * c[1] + pose[(2, 2)] > 0.05 * pose[(2, 2)].abs();
+        let ahead = |c: &[f64; 2]| {
+            pose[(2, 0)] * c[0] + pose[(2, 1)] * c[1] + pose[(2, 2)] > 0.05 * pose[(2, 2)].abs()
+        };
         let area = corners.signed_area() * self.quad.signed_area().signum();
         let first = self.base.unit * self.base.unit * 4.0;
         let whole = (frame.width() * frame.height()) as f64;
@@ -230,28 +234,28 @@ impl Aligner {
     /// The score of what was last looked at.
     fn score(&mut self, view: usize) -> Score {
         let blocks = &self.views[view].blocks;
-        let mut all = 0.0;
-        let (mut count, mut sum) = (0.0, 0.0);
+        let (mut outside, mut sum) = (0.0, 0.0);
         self.sorted.clear();
         for (_, s) in blocks.iter().zip(&self.seen).filter(|p| p.0.textured) {
-            all += 1.0;
             if s.visible {
-                count += 1.0;
-                sum += s.correlation.max(0.0);
-                self.sorted.push(s.correlation.max(0.0));
+                let z = s.correlation.max(0.0);
+                sum += z * z * z;
+                self.sorted.push(z);
+            } else {
+                outside += 1.0;
             }
         }
-        if count == 0.0 {
+        if self.sorted.is_empty() {
             return Score::default();
         }
         self.sorted.sort_unstable_by(|a, b| b.total_cmp(a));
-        let half = self.sorted.len().div_ceil(2);
+        let inside = self.sorted.len();
+        let part = (inside * 2).div_ceil(5);
         let agreeing = self.sorted.iter().filter(|z| **z >= AGREES).count();
         Score {
-            // Of a tenth of the blocks little is known.
-            total: sum / count * (count / all / 0.2).min(1.0),
-            best_half: self.sorted[..half].iter().sum::<f64>() / half as f64,
-            agree: agreeing as f64 / all,
+            total: sum / (inside as f64 + outside / 3.0),
+            best: self.sorted[..part].iter().sum::<f64>() / part as f64,
+            agree: agreeing as f64 / (inside as f64 + outside),
             agreeing,
         }
     }
@@ -327,7 +331,10 @@ impl Aligner {
         let blocks = &self.views[view].blocks;
         let misfit = |s: &Seen| (1.0 - s.correlation).sqrt();
         self.sorted.clear();
-        let counted = blocks.iter().zip(&self.seen).filter(|(b, s)| b.textured && s.visible);
+        let counted = blocks
+            .iter()
+            .zip(&self.seen)
+            .filter(|(b, s)| b.textured && s.visible);
         self.sorted.extend(counted.map(|(_, s)| misfit(s)));
         if self.sorted.is_empty() {
             return;
@@ -337,12 +344,23 @@ impl Aligner {
         let cut = (CUT.0 * low).clamp(CUT.1, CUT.2);
         for (b, s) in blocks.iter().zip(&mut self.seen) {
             let t = 1.0 - (misfit(s) / cut).powi(2);
-            s.weight = if b.textured && s.visible && t > 0.0 { t * t } else { 0.0 };
+            s.weight = if b.textured && s.visible && t > 0.0 {
+                t * t
+            } else {
+                0.0
+            };
         }
     }
 
     /// Improves a pose at one level by at most `iterations` steps; how many it took, or `None` when it fails.
-    fn refine(&mut self, frame: &Frame, pose: &mut Mat3, k: usize, iterations: u32, epsilon: f64) -> Option<u32> {
+    fn refine(
+        &mut self,
+        frame: &Frame,
+        pose: &mut Mat3,
+        k: usize,
+        iterations: u32,
+        epsilon: f64,
+    ) -> Option<u32> {
         let (view, level) = self.pair(pose, frame, k);
         let image = frame.level(level, 1).gray();
         let unit = f64::from(1u32 << level);
@@ -455,7 +473,14 @@ impl Aligner {
         let mut pose = *start;
         let mut iterations = 0;
         let judge = self.judge(&pose, points);
-        for k in (judge..=self.top(&pose)).rev() {
+        let first = self.assess(frame, start, points);
+        // Near enough, the coarse levels with their few blocks can only do harm when much is covered.
+        let top = if first.best >= NEAR {
+            judge
+        } else {
+            self.top(&pose)
+        };
+        for k in (judge..=top).rev() {
             let before = pose;
             match self.refine(frame, &mut pose, k, 10, 0.03) {
                 Some(n) => iterations += n,
@@ -463,8 +488,10 @@ impl Aligner {
             }
         }
         let mut score = self.assess(frame, &pose, points);
-        // Nothing is here.
-        if score.best_half < 0.35 {
+        if score.total < first.total {
+            (pose, score) = (*start, first);
+        }
+        if score.best < NOTHING {
             return Some((pose, score, iterations));
         }
         for k in (0..self.judge(&pose, points)).rev() {

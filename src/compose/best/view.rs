@@ -167,7 +167,8 @@ impl View {
         let blocks = ends.iter().map(|&last| {
             let range = first..last;
             first = last;
-            let mean = |v: &[f32]| v[range.clone()].iter().map(|v| f64::from(*v)).sum::<f64>() / range.len() as f64;
+            let mean =
+                |v: &[f32]| v[range.clone()].iter().map(|v| f64::from(*v)).sum::<f64>() / range.len() as f64;
             let square = value[range.clone()]
                 .iter()
                 .map(|v| (f64::from(*v) - mean(&value)).powi(2))
