@@ -38,12 +38,14 @@ crate::params! {
 }
 
 /// Fewest blocks that agree, and least share of all, where the object has been found.
-const AGREEING: (usize, f64) = (4, 0.15);
+const AGREEING: (usize, f64) = (4, 0.2);
 /// Frames whose scores are remembered.
 const MEMORY: usize = 15;
 /// Correlation of the best blocks, relative to the median of the last frames, from which the object has been found, and
 /// from which key points need not be asked.
 const FOUND: (f64, f64) = (0.72, 0.85);
+/// What is usual before anything has been found: then the absolute limit decides.
+const USUAL: (f64, f64) = (1.0, 0.0);
 /// What a later candidate must be better by.
 const MARGIN: f64 = 0.03;
 /// Fewest points that flow is believed with, and least share of them.
@@ -142,7 +144,7 @@ impl Best {
             seed: 0,
             scores: VecDeque::with_capacity(MEMORY + 1),
             sorted: Vec::with_capacity(MEMORY + 1),
-            usual: (1.0, 1.0),
+            usual: USUAL,
             lost: 0,
             nodes: Vec::new(),
             from: Vec::new(),
@@ -332,7 +334,7 @@ impl Tracker for Best {
         // Without key points all else works.
         self.has_features = self.features.init(frame, corners).is_ok();
         self.scores.clear();
-        self.usual = (1.0, 1.0);
+        self.usual = USUAL;
         self.lost = 0;
         self.settle(frame, self.pose);
         self.motion = Mat3::identity();

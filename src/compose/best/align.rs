@@ -1,6 +1,6 @@
 //! Efficient second-order minimisation of `Σ_b w_b Σ_i (T̂_i - Î_i)²` over a homography: in every block `b` of the
-//! template, values are normalised to the same mean and contrast, whose effect on the normal equations is projected out,
-//! so that light may change from place to place (Malis 2004; Evangelidis & Psarakis 2008 for the normalised residual).
+//! template (or, in even light, in all of them together), values are normalised to the same mean and contrast, whose
+//! effect on the normal equations is projected out, so that light may change from place to place (Malis 2004; Evangelidis & Psarakis 2008 for the normalised residual).
 //!
 //! The correlation `z_b` of a block with the image tells how far to trust it: `w_b` is Tukey's weight of `√(1 - z_b)`
 //! against the lower part of its distribution, so up to about two thirds of the object may be covered.
@@ -14,11 +14,15 @@ use crate::kernels::{self, Border, Column, Covectors};
 /// Smallest and largest gain that a block's contrast is met with.
 const GAIN: (f64, f64) = (0.1, 10.0);
 /// Cut of the weights: multiple of the lower three tenths of the misfits, least and most.
-const CUT: (f64, f64, f64) = (2.5, 0.45, 1.3);
+const CUT: (f64, f64, f64) = (2.5, 0.3, 1.3);
+/// The first iterations, and their least cut: blocks that are not yet aligned must not lose their say.
+const WIDE: (u32, f64) = (2, 0.9);
 /// Correlation from which a block agrees.
-pub(super) const AGREES: f64 = 0.6;
+const AGREES: f64 = 0.7;
 /// Largest change of area since the first frame.
 const AREA: f64 = 60.0;
+/// How many times as much of the template is left unexplained with one gain and bias where light is uneven.
+const UNEVEN: f64 = 2.0;
 /// Levenberg-Marquardt damping.
 const DAMPING: f64 = 1e-4;
 /// Points from which all eight parameters are found, else six.
@@ -26,8 +30,7 @@ const PROJECTIVE: usize = 250;
 /// Least points that poses are searched with, and what a pose at the border of the search must be better by.
 const SEARCH: usize = 180;
 const NEARER: f64 = 0.02;
-/// Mean correlation of the best blocks from which coarse levels are left out, and below which nothing is there.
-const NEAR: f64 = 0.6;
+/// Mean correlation of the best blocks below which nothing is there.
 const NOTHING: f64 = 0.35;
 /// Largest step, as a fraction of the object's side.
 const STEP: f64 = 0.6;
@@ -55,6 +58,35 @@ struct Seen {
     weight: f64,
 }
 
+/// Normal equations with what gain and bias of the image may be projected out.
+#[derive(Clone, Copy, Debug, Default)]
+struct Equations {
+    h: [[f64; WARP]; WARP],
+    g: [f64; WARP],
+    /// Sum of the squared residuals.
+    left: f64,
+}
+
+impl Equations {
+    /// Adds those of points whose columns have the Gram matrix `m`.
+    fn add(&mut self, m: &SymMatrix, weight: f64, order: usize) {
+        let centred = |a: usize, b: usize| m.get(a, b) - m.get(a, ONES) * m.get(b, ONES) / m.get(ONES, ONES);
+        let contrast = centred(IMAGE, IMAGE);
+        if contrast <= 0.0 || contrast.is_nan() {
+            return;
+        }
+        let along: [f64; TEMPLATE + 1] = std::array::from_fn(|a| centred(a, IMAGE));
+        let freed = |a: usize, b: usize| weight * (centred(a, b) - along[a] * along[b] / contrast);
+        for a in 0..order {
+            for b in a..order {
+                self.h[a][b] += freed(a, b);
+            }
+            self.g[a] += freed(a, TEMPLATE);
+        }
+        self.left += freed(TEMPLATE, TEMPLATE);
+    }
+}
+
 /// The views of a template and what aligning them takes.
 #[derive(Debug, Default)]
 pub(super) struct Aligner {
@@ -72,7 +104,9 @@ pub(super) struct Aligner {
     moments: Vec<[f64; 3]>,
     seen: Vec<Seen>,
     sorted: Vec<f64>,
+    misfits: Vec<f64>,
     gram: SymMatrix,
+    sum: SymMatrix,
     system: SymMatrix,
 }
 
@@ -98,6 +132,7 @@ impl Aligner {
             buffer.resize(n, 0.0);
         }
         self.gram = SymMatrix::new(WARP + 3);
+        self.sum = SymMatrix::new(WARP + 3);
         self.views.iter().any(|v| v.blocks.iter().any(|b| b.textured))
     }
 
@@ -326,26 +361,35 @@ impl Aligner {
             .map(|(b, _)| b.centre)
     }
 
-    /// Weighs the blocks.
-    fn weigh(&mut self, view: usize) {
-        let blocks = &self.views[view].blocks;
-        let misfit = |s: &Seen| (1.0 - s.correlation).sqrt();
+    /// Weighs the blocks with a cut of at least `least`; what blocks beside it say counts for a third of a block's misfit,
+    /// for what covers an object is connected.
+    fn weigh(&mut self, view: usize, least: f64) {
+        let view = &self.views[view];
+        let counts = |k: usize| view.blocks[k].textured && self.seen[k].visible;
+        self.misfits.clear();
+        for (k, s) in self.seen.iter().enumerate() {
+            let own = (1.0 - s.correlation).sqrt();
+            let (mut sum, mut n) = (0.0, 0.0);
+            for &b in view.beside(k).iter().filter(|b| counts(**b)) {
+                sum += (1.0 - self.seen[b].correlation).sqrt();
+                n += 1.0;
+            }
+            let around = if n > 0.0 { sum / n } else { own };
+            self.misfits.push((2.0 * own + around.max(own)) / 3.0);
+        }
         self.sorted.clear();
-        let counted = blocks
-            .iter()
-            .zip(&self.seen)
-            .filter(|(b, s)| b.textured && s.visible);
-        self.sorted.extend(counted.map(|(_, s)| misfit(s)));
+        let counted = (0..self.seen.len()).filter(|k| counts(*k));
+        self.sorted.extend(counted.map(|k| self.misfits[k]));
         if self.sorted.is_empty() {
             return;
         }
         let rank = self.sorted.len() * 3 / 10;
         let low = *self.sorted.select_nth_unstable_by(rank, f64::total_cmp).1;
-        let cut = (CUT.0 * low).clamp(CUT.1, CUT.2);
-        for (b, s) in blocks.iter().zip(&mut self.seen) {
-            let t = 1.0 - (misfit(s) / cut).powi(2);
+        let cut = (CUT.0 * low).clamp(least, CUT.2);
+        for ((b, s), misfit) in view.blocks.iter().zip(&mut self.seen).zip(&self.misfits) {
+            let t = 1.0 - (misfit / cut).powi(2);
             s.weight = if b.textured && s.visible && t > 0.0 {
-                t * t
+                b.fairness * t * t
             } else {
                 0.0
             };
@@ -378,7 +422,7 @@ impl Aligner {
                 &mut self.gy[..n],
             );
             self.look(view, image, outside);
-            self.weigh(view);
+            self.weigh(view, if iteration <= WIDE.0 { WIDE.1 } else { CUT.1 });
             let v = &mut self.views[view];
             let mut first = 0;
             for (s, &last) in self.seen.iter().zip(&v.ends) {
@@ -428,40 +472,35 @@ impl Aligner {
         Some(iterations)
     }
 
-    /// The Gauss-Newton step of the weighted blocks in the first `order` parameters.
+    /// The Gauss-Newton step of the weighted blocks in the first `order` parameters. One gain and bias serve all blocks,
+    /// which keeps what tells blocks apart, unless the light calls for one of each block.
     fn step(&mut self, view: usize, order: usize) -> Option<[f64; WARP]> {
         let v = &self.views[view];
-        let (mut h, mut g) = ([[0.0; WARP]; WARP], [0.0; WARP]);
+        let mut each = Equations::default();
+        self.sum.scale(0.0);
         let mut first = 0;
-        for ((s, block), &last) in self.seen.iter().zip(&v.blocks).zip(&v.ends) {
+        for (s, &last) in self.seen.iter().zip(&v.ends) {
             let rows = (first, last);
             first = last;
-            if s.weight <= 0.0 {
-                continue;
-            }
-            kernels::block_gram(&v.work, rows.0, rows.1, &mut self.gram);
-            let m = &self.gram;
-            // Without what mean and contrast of the image may be.
-            let centred = |a: usize, b: usize| m.get(a, b) - m.get(a, ONES) * m.get(b, ONES) / block.count;
-            let contrast = centred(IMAGE, IMAGE);
-            if contrast <= 0.0 {
-                continue;
-            }
-            let along: [f64; TEMPLATE + 1] = std::array::from_fn(|a| centred(a, IMAGE));
-            let freed = |a: usize, b: usize| centred(a, b) - along[a] * along[b] / contrast;
-            for a in 0..order {
-                for b in a..order {
-                    h[a][b] += s.weight * freed(a, b);
-                }
-                g[a] += s.weight * freed(a, TEMPLATE);
+            if s.weight > 0.0 {
+                kernels::block_gram(&v.work, rows.0, rows.1, &mut self.gram);
+                each.add(&self.gram, s.weight, order);
+                self.sum.blend(1.0, s.weight, &self.gram);
             }
         }
+        let mut one = Equations::default();
+        one.add(&self.sum, 1.0, order);
+        let used = if one.left < UNEVEN * each.left {
+            &one
+        } else {
+            &each
+        };
         if self.system.order() != order {
             self.system = SymMatrix::new(order);
         }
-        self.system.fill(|a, b| -h[a][b]);
+        self.system.fill(|a, b| -used.h[a][b]);
         let (mut x, mut work) = ([0.0; WARP], [0.0; WARP * WARP + WARP]);
-        g.iter_mut().for_each(|v| *v = -*v);
+        let g = used.g.map(|v| -v);
         solve_negative(&self.system, DAMPING, &g[..order], &mut x[..order], &mut work).then_some(x)
     }
 
@@ -474,22 +513,20 @@ impl Aligner {
         let mut iterations = 0;
         let judge = self.judge(&pose, points);
         let first = self.assess(frame, start, points);
-        // Near enough, the coarse levels with their few blocks can only do harm when much is covered.
-        let top = if first.best >= NEAR {
-            judge
-        } else {
-            self.top(&pose)
-        };
-        for k in (judge..=top).rev() {
-            let before = pose;
-            match self.refine(frame, &mut pose, k, 10, 0.03) {
-                Some(n) => iterations += n,
-                None => pose = before,
+        let mut score = first;
+        for k in (judge..=self.top(&pose)).rev() {
+            let mut next = pose;
+            let Some(n) = self.refine(frame, &mut next, k, 10, 0.03) else {
+                continue;
+            };
+            (pose, iterations) = (next, iterations + n);
+            // Coarse levels, with their few blocks, can do harm when much is covered.
+            if k <= judge + 1 {
+                score = self.assess(frame, &pose, points);
+                if score.total < first.total {
+                    (pose, score) = (*start, first);
+                }
             }
-        }
-        let mut score = self.assess(frame, &pose, points);
-        if score.total < first.total {
-            (pose, score) = (*start, first);
         }
         if score.best < NOTHING {
             return Some((pose, score, iterations));
