@@ -24,8 +24,8 @@ crate::params! {
     pub struct BestParams {
         /// Points of the template at each level of the pyramid, at most about this many.
         best_points: usize = 3600, in 200..=1_000_000;
-        /// Points that poses are judged with, at most about this many.
-        best_judge: usize = 1600, in 100..=100_000;
+        /// Points that poses are judged with, at least, where the template has as many.
+        best_judge: usize = 1200, in 100..=100_000;
         /// Score, relative to the median of the last frames, from which no other start is tried.
         best_enough: f64 = 0.9, in 0.0..=1.0;
         /// Mean correlation of the best two fifths of the visible template from which it has been found.
@@ -486,7 +486,7 @@ mod tests {
         let mut last = 2.0;
         for (k, shift) in [0.0, 1.0, 2.0, 4.0, 8.0].into_iter().enumerate() {
             let pose = motion(0.0, 1.0, [shift, 0.0]) * tracker.pose;
-            let score = tracker.aligner.assess(&frame, &pose, 1600);
+            let score = tracker.aligner.assess(&frame, &pose, 1200);
             assert!(score.total < last, "{shift} {score:?}");
             assert!(k > 0 || score.total > 0.999, "{score:?}");
             last = score.total;
@@ -495,7 +495,7 @@ mod tests {
         // Half of it covered: half the score, but what is seen agrees.
         let score = tracker
             .aligner
-            .assess(&scene(&Mat3::identity(), 0.5), &tracker.pose.clone(), 1600);
+            .assess(&scene(&Mat3::identity(), 0.5), &tracker.pose.clone(), 1200);
         assert!(
             (0.35..0.65).contains(&score.total) && score.best > 0.95,
             "{score:?}"

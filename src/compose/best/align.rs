@@ -192,15 +192,11 @@ impl Aligner {
         (self.views.len() - 1).saturating_sub((-self.octaves(pose)).max(0) as usize)
     }
 
-    /// The level at which poses are judged: the finest with about `points` points or fewer.
+    /// The level at which poses are judged: the coarsest with `points` points or more.
     fn judge(&self, pose: &Mat3, points: usize) -> usize {
-        let enough = self.views.iter().position(|v| {
-            let side = f64::from(1u32 << v.level);
-            let area = 4.0 * self.base.unit * self.base.unit / (side * side);
-            area <= points as f64
-        });
-        let view = enough.unwrap_or(self.views.len() - 1);
-        view.saturating_sub((-self.octaves(pose)).max(0) as usize)
+        let enough = self.views.iter().rposition(|v| v.len() >= points).unwrap_or(0);
+        enough
+            .saturating_sub((-self.octaves(pose)).max(0) as usize)
             .min(self.top(pose))
     }
 
@@ -295,7 +291,7 @@ impl Aligner {
         }
     }
 
-    /// Score of a pose on about `points` points.
+    /// Score of a pose on `points` points or more.
     pub fn assess(&mut self, frame: &Frame, pose: &Mat3, points: usize) -> Score {
         if !self.sound(pose, frame) {
             return Score::default();

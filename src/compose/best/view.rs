@@ -10,9 +10,10 @@ pub(super) const WARP: usize = 8;
 pub(super) const IMAGE: usize = WARP;
 pub(super) const TEMPLATE: usize = WARP + 1;
 pub(super) const ONES: usize = WARP + 2;
-/// Side of a block, points, and how many blocks there are along a side, at least and at most.
+/// Side of a block, points, and how many blocks there are along a side: at least where there is little to see, else at
+/// least, and at most.
 const BLOCK: f64 = 8.0;
-const BLOCKS: (f64, f64) = (3.0, 8.0);
+const BLOCKS: [f64; 3] = [3.0, 4.0, 8.0];
 /// Least variance within the median block, as a fraction of that of the whole.
 const CONTENT: f64 = 0.1;
 /// Fewest points per block along a side, and in all.
@@ -63,7 +64,7 @@ pub(super) struct Block {
     /// median `v` of the squares.
     pub fairness: f64,
     /// Column and row of the block.
-    cell: (usize, usize),
+    pub cell: (usize, usize),
 }
 
 /// Template, points and Jacobian of one level.
@@ -144,7 +145,7 @@ impl View {
         loop {
             let grid = sides.map(|s| {
                 let points = s / stride as f64;
-                let wanted = (points / side).round().clamp(BLOCKS.0, BLOCKS.1);
+                let wanted = (points / side).round().clamp(BLOCKS[usize::from(side == BLOCK)], BLOCKS[2]);
                 wanted.min((points / LEAST.0).floor()).max(1.0)
             });
             let cell = |p: &([f64; 2], usize, usize)| {
@@ -166,7 +167,7 @@ impl View {
             }
             within.sort_unstable_by(f64::total_cmp);
             let usual = within.get(within.len() / 2).copied().unwrap_or(0.0);
-            if usual >= CONTENT * variance(image, &points) || blocks <= BLOCKS.0 * BLOCKS.0 {
+            if usual >= CONTENT * variance(image, &points) || blocks <= BLOCKS[0] * BLOCKS[0] {
                 break;
             }
             side *= 1.5;
