@@ -51,7 +51,7 @@ const MARGIN: f64 = 0.03;
 /// Fewest points that flow is believed with, and least share of them.
 const FLOW: (usize, f64) = (8, 0.6);
 /// Rotations, degrees, and magnifications of the wider search.
-const TURNS: [f64; 4] = [-16.0, 16.0, -32.0, 32.0];
+const TURNS: [f64; 6] = [-16.0, 16.0, -32.0, 32.0, -55.0, 55.0];
 const ZOOMS: [f64; 2] = [0.8, 1.25];
 
 /// The plane's motion between frames.
@@ -98,6 +98,8 @@ pub struct Best {
     sorted: Vec<f64>,
     /// Medians of their totals and of the correlations of their best blocks.
     usual: (f64, f64),
+    /// Total of the last frame in which it was found.
+    last: f64,
     /// Frames since the object was last found, and of these those in which flow was believed.
     lost: usize,
     /// Places in the base that flow follows, and pairs of places in the last frame and this one.
@@ -145,6 +147,7 @@ impl Best {
             scores: VecDeque::with_capacity(MEMORY + 1),
             sorted: Vec::with_capacity(MEMORY + 1),
             usual: USUAL,
+            last: 1.0,
             lost: 0,
             nodes: Vec::new(),
             from: Vec::new(),
@@ -155,6 +158,7 @@ impl Best {
 
     /// Takes note of the score of a frame in which the object was found.
     fn remember(&mut self, score: Score) {
+        self.last = score.total;
         self.scores.push_back(score);
         if self.scores.len() > MEMORY {
             self.scores.pop_front();
@@ -270,13 +274,9 @@ impl Best {
         if let Some((pose, _)) = self.aligner.search(frame, &first, self.params.best_reach) {
             self.attempt(frame, &pose, &mut best);
         }
-        if good(self, &best, 0.0, certain) {
-            return (best, coast);
-        }
-        if let Some(pose) = self.key_points(frame, &first) {
-            self.attempt(frame, &pose, &mut best);
-        }
-        if good(self, &best, 0.0, 0.0) {
+        // What covers the object does so little by little; when much of it disagrees at once, the pose is wrong.
+        let sudden = self.params.best_enough * self.usual.0.min(self.last);
+        if good(self, &best, sudden, certain) {
             return (best, coast);
         }
         let turned = TURNS
@@ -294,6 +294,11 @@ impl Best {
             }
         }
         if let Some((pose, _)) = widest {
+            self.attempt(frame, &pose, &mut best);
+        }
+        if !good(self, &best, 0.0, certain)
+            && let Some(pose) = self.key_points(frame, &first)
+        {
             self.attempt(frame, &pose, &mut best);
         }
         (best, coast)
@@ -335,6 +340,7 @@ impl Tracker for Best {
         self.has_features = self.features.init(frame, corners).is_ok();
         self.scores.clear();
         self.usual = USUAL;
+        self.last = 1.0;
         self.lost = 0;
         self.settle(frame, self.pose);
         self.motion = Mat3::identity();

@@ -14,15 +14,19 @@ use crate::kernels::{self, Border, Column, Covectors};
 /// Smallest and largest gain that a block's contrast is met with.
 const GAIN: (f64, f64) = (0.1, 10.0);
 /// Cut of the weights: multiple of the lower three tenths of the misfits, least and most.
-const CUT: (f64, f64, f64) = (2.5, 0.3, 1.3);
+const CUT: (f64, f64, f64) = (2.5, 0.4, 1.3);
 /// The first iterations, and their least cut: blocks that are not yet aligned must not lose their say.
 const WIDE: (u32, f64) = (2, 0.9);
 /// Correlation from which a block agrees.
 const AGREES: f64 = 0.7;
-/// Largest change of area since the first frame.
-const AREA: f64 = 60.0;
+/// Largest change of size since the first frame, octaves.
+const ZOOM: f64 = 3.0;
+/// Least depth of a corner, as a fraction of that of the object's middle.
+const NEAREST: f64 = 0.03;
 /// How many times as much of the template is left unexplained with one gain and bias where light is uneven.
 const UNEVEN: f64 = 2.0;
+/// Places along a side of the grid that tells how much is seen.
+const GRID: usize = 6;
 /// Levenberg-Marquardt damping.
 const DAMPING: f64 = 1e-4;
 /// Points from which all eight parameters are found, else six.
@@ -32,8 +36,8 @@ const SEARCH: usize = 180;
 const NEARER: f64 = 0.02;
 /// Mean correlation of the best blocks below which nothing is there.
 const NOTHING: f64 = 0.35;
-/// Largest step, as a fraction of the object's side.
-const STEP: f64 = 0.6;
+/// Largest step, as a fraction of half the object's side.
+const STEP: f64 = 1.2;
 
 /// How well the template agrees with the image at a pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -93,6 +97,8 @@ pub(super) struct Aligner {
     base: Base,
     /// Corners of the object in the base frame.
     quad: Corners,
+    /// A coarse grid over it.
+    grid: Vec<[f64; 2]>,
     /// Finest first, one per level.
     pub views: Vec<View>,
     columns: Option<[Column; WARP]>,
@@ -116,6 +122,13 @@ impl Aligner {
         self.base = Base::of(corners);
         self.quad = Corners(corners.0.map(|c| self.base.from_image(c)));
         self.columns = Some(columns());
+        let Some(square) = homography::from_corners(&Corners::rect(0.0, 0.0, 1.0, 1.0), &self.quad) else {
+            return false;
+        };
+        let at = |k: usize| (k as f64 + 0.5) / GRID as f64;
+        self.grid.clear();
+        self.grid
+            .extend((0..GRID * GRID).map(|k| homography::apply(&square, [at(k % GRID), at(k / GRID)])));
         let base = self.base;
         self.views.clear();
         let levels = 0..frame.levels();
@@ -151,61 +164,73 @@ impl Aligner {
         self.base.from_image(x)
     }
 
-    /// Whether a pose shows the front of the object whole before the camera at a sensible size.
+    /// Places of a coarse grid over the object, in the base frame, that a pose puts into the image.
+    fn inside<'a>(&'a self, pose: &'a Mat3, frame: &'a Frame) -> impl Iterator<Item = [f64; 2]> + 'a {
+        let (right, bottom) = ((frame.width() - 1) as f64, (frame.height() - 1) as f64);
+        self.grid.iter().copied().filter(move |x| {
+            let [u, v] = homography::apply(pose, *x);
+            u >= 0.0 && v >= 0.0 && u <= right && v <= bottom
+        })
+    }
+
+    /// Octaves by which what is seen of the object is larger than in the template; `None` when none of it is seen.
+    fn zoom(&self, pose: &Mat3, frame: &Frame) -> Option<f64> {
+        let determinant = pose.determinant();
+        let (mut sum, mut n) = (0.0, 0.0);
+        for x in self.inside(pose, frame) {
+            // Area in the image per area of the base.
+            let depth = pose[(2, 0)] * x[0] + pose[(2, 1)] * x[1] + pose[(2, 2)];
+            sum += libm::log2(determinant / (depth * depth * depth));
+            n += 1.0;
+        }
+        let zoom = sum / n / 2.0 - libm::log2(self.base.unit);
+        zoom.is_finite().then_some(zoom)
+    }
+
+    /// Whether a pose shows the front of the object before the camera, some of it in the image, at a sensible size.
     pub fn sound(&self, pose: &Mat3, frame: &Frame) -> bool {
         let corners = self.corners(pose);
-        let ahead = |c: &[f64; 2]| {
-            pose[(2, 0)] * c[0] + pose[(2, 1)] * c[1] + pose[(2, 2)] > 0.05 * pose[(2, 2)].abs()
-        };
-        let area = corners.signed_area() * self.quad.signed_area().signum();
-        let first = self.base.unit * self.base.unit * 4.0;
-        let whole = (frame.width() * frame.height()) as f64;
+        let ahead =
+            |c: &[f64; 2]| pose[(2, 0)] * c[0] + pose[(2, 1)] * c[1] + pose[(2, 2)] > NEAREST * pose[(2, 2)];
         corners.is_finite()
             && corners.is_convex()
+            && corners.signed_area() * self.quad.signed_area() > 0.0
+            && pose[(2, 2)] > 0.0
             && self.quad.0.iter().all(ahead)
-            && area * AREA > first
-            && area < AREA * first
-            && area < 8.0 * whole
+            && self.zoom(pose, frame).is_some_and(|z| z.abs() < ZOOM)
     }
 
     /// How many octaves the object is larger than in the template, rounded.
-    fn octaves(&self, pose: &Mat3) -> i32 {
-        let area = self.corners(pose).signed_area().abs();
-        let side = area.sqrt() / (2.0 * self.base.unit);
-        if side.is_finite() && side > 0.0 {
-            libm::log2(side).round() as i32
-        } else {
-            0
-        }
+    fn octaves(&self, pose: &Mat3, frame: &Frame) -> i32 {
+        self.zoom(pose, frame).unwrap_or(0.0).round() as i32
     }
 
     /// View and level of the image for a level of the pyramid as a whole, the finest being 0.
     fn pair(&self, pose: &Mat3, frame: &Frame, k: usize) -> (usize, usize) {
-        let octaves = self.octaves(pose);
+        let octaves = self.octaves(pose, frame);
         let view = k + (-octaves).max(0) as usize;
         let level = k + octaves.max(0) as usize;
         (view.min(self.views.len() - 1), level.min(frame.levels() - 1))
     }
 
     /// The coarsest level for a pose.
-    fn top(&self, pose: &Mat3) -> usize {
-        (self.views.len() - 1).saturating_sub((-self.octaves(pose)).max(0) as usize)
+    fn top(&self, pose: &Mat3, frame: &Frame) -> usize {
+        (self.views.len() - 1).saturating_sub((-self.octaves(pose, frame)).max(0) as usize)
     }
 
     /// The level at which poses are judged: the coarsest with `points` points or more.
-    fn judge(&self, pose: &Mat3, points: usize) -> usize {
+    fn judge(&self, pose: &Mat3, frame: &Frame, points: usize) -> usize {
         let enough = self.views.iter().rposition(|v| v.len() >= points).unwrap_or(0);
         enough
-            .saturating_sub((-self.octaves(pose)).max(0) as usize)
-            .min(self.top(pose))
+            .saturating_sub((-self.octaves(pose, frame)).max(0) as usize)
+            .min(self.top(pose, frame))
     }
 
     /// Puts a view's points into the image at a level.
     fn place(&mut self, pose: &Mat3, view: usize, level: usize) -> ([f32; 9], [f32; 2], f32) {
-        let corners = self.corners(pose);
         let unit = f64::from(1u32 << level);
-        let centre = corners.centroid().map(|v| (v / unit) as f32);
-        let scale = (corners.signed_area().abs().sqrt() / (2.0 * unit)) as f32;
+        let centre = homography::apply(pose, [0.0; 2]).map(|v| (v / unit) as f32);
+        let scale = ((pose.determinant() / pose[(2, 2)].powi(3)).sqrt() / unit) as f32;
         let (s, cx, cy) = (
             f64::from(scale) * unit,
             f64::from(centre[0]) * unit,
@@ -296,7 +321,7 @@ impl Aligner {
         if !self.sound(pose, frame) {
             return Score::default();
         }
-        let (view, level) = self.pair(pose, frame, self.judge(pose, points));
+        let (view, level) = self.pair(pose, frame, self.judge(pose, frame, points));
         let image = frame.level(level, 1).gray();
         self.place(pose, view, level);
         let n = self.views[view].len();
@@ -312,7 +337,7 @@ impl Aligner {
         if !self.sound(pose, frame) {
             return None;
         }
-        let mut k = self.top(pose);
+        let mut k = self.top(pose, frame);
         while k > 0 && self.views[self.pair(pose, frame, k).0].len() < SEARCH {
             k -= 1;
         }
@@ -350,7 +375,7 @@ impl Aligner {
 
     /// Blocks of the last assessed pose that agree: their centres in the base frame.
     pub fn agreeing(&self, frame: &Frame, pose: &Mat3, points: usize) -> impl Iterator<Item = [f64; 2]> + '_ {
-        let (view, _) = self.pair(pose, frame, self.judge(pose, points));
+        let (view, _) = self.pair(pose, frame, self.judge(pose, frame, points));
         let blocks = self.views[view].blocks.iter().zip(&self.seen);
         blocks
             .filter(|(b, s)| b.textured && s.visible && s.correlation >= AGREES)
@@ -385,7 +410,7 @@ impl Aligner {
         for ((b, s), misfit) in view.blocks.iter().zip(&mut self.seen).zip(&self.misfits) {
             let t = 1.0 - (misfit / cut).powi(2);
             s.weight = if b.textured && s.visible && t > 0.0 {
-                b.fairness * t * t
+                t * t
             } else {
                 0.0
             };
@@ -455,9 +480,15 @@ impl Aligner {
             if !self.sound(&next, frame) {
                 return None;
             }
-            let (before, after) = (self.corners(pose), self.corners(&next));
-            let moved = (after.distance_squared(&before) / 4.0).sqrt();
-            if moved > STEP * after.signed_area().abs().sqrt() {
+            // How far what is seen moves.
+            let (mut sum, mut n) = (0.0, 0.0);
+            for x in self.inside(pose, frame) {
+                let (a, b) = (homography::apply(pose, x), homography::apply(&next, x));
+                sum += (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
+                n += 1.0;
+            }
+            let moved = (sum / n).sqrt();
+            if !(moved < STEP * self.base.unit * libm::exp2(self.zoom(pose, frame)?)) {
                 return None;
             }
             *pose = next;
@@ -507,10 +538,10 @@ impl Aligner {
         }
         let mut pose = *start;
         let mut iterations = 0;
-        let judge = self.judge(&pose, points);
+        let judge = self.judge(&pose, frame, points);
         let first = self.assess(frame, start, points);
         let mut score = first;
-        for k in (judge..=self.top(&pose)).rev() {
+        for k in (judge..=self.top(&pose, frame)).rev() {
             let mut next = pose;
             let Some(n) = self.refine(frame, &mut next, k, 10, 0.03) else {
                 continue;
@@ -527,7 +558,7 @@ impl Aligner {
         if score.best < NOTHING {
             return Some((pose, score, iterations));
         }
-        for k in (0..self.judge(&pose, points)).rev() {
+        for k in (0..self.judge(&pose, frame, points)).rev() {
             let mut finer = pose;
             let Some(n) = self.refine(frame, &mut finer, k, 8, if k == 0 { 0.01 } else { 0.03 }) else {
                 break;

@@ -60,11 +60,8 @@ pub(super) struct Block {
     pub deviation: f64,
     /// Whether there is anything to see.
     pub textured: bool,
-    /// What its square contrast counts for, so that a few strong edges do not decide alone: `2 v / (v + σ²)` with the
-    /// median `v` of the squares.
-    pub fairness: f64,
     /// Column and row of the block.
-    pub cell: (usize, usize),
+    cell: (usize, usize),
 }
 
 /// Template, points and Jacobian of one level.
@@ -145,7 +142,9 @@ impl View {
         loop {
             let grid = sides.map(|s| {
                 let points = s / stride as f64;
-                let wanted = (points / side).round().clamp(BLOCKS[usize::from(side == BLOCK)], BLOCKS[2]);
+                let wanted = (points / side)
+                    .round()
+                    .clamp(BLOCKS[usize::from(side == BLOCK)], BLOCKS[2]);
                 wanted.min((points / LEAST.0).floor()).max(1.0)
             });
             let cell = |p: &([f64; 2], usize, usize)| {
@@ -214,17 +213,10 @@ impl View {
                 mean: mean(&value),
                 deviation,
                 textured: deviation >= TEXTURE,
-                fairness: 1.0,
                 cell,
             }
         });
-        let mut blocks: Vec<Block> = blocks.collect();
-        let mut squares: Vec<f64> = blocks.iter().map(|b| b.deviation * b.deviation).collect();
-        let middle = squares.len() / 2;
-        let median = squares.select_nth_unstable_by(middle, f64::total_cmp).1.max(1e-6);
-        for b in &mut blocks {
-            b.fairness = 2.0 * median / (median + b.deviation * b.deviation);
-        }
+        let blocks: Vec<Block> = blocks.collect();
         let (mut neighbours, mut neighbour_ends) = (Vec::new(), Vec::new());
         for a in &blocks {
             let beside = |b: &Block| a.cell.0.abs_diff(b.cell.0) + a.cell.1.abs_diff(b.cell.1) == 1;
