@@ -1,5 +1,6 @@
-//! Whole trackers on a moving textured plane, 50x50 samples: microseconds per frame and per iteration, and the ratio
-//! of boxed models (as the registry builds them) to static types.
+//! Whole trackers on a moving textured plane, 50x50 samples: microseconds per frame and per iteration; what an iteration
+//! of ESM costs with each appearance model, as a multiple of SSD's; and the ratio of boxed models (as the registry builds
+//! them) to static types.
 //!
 //! `cargo bench --bench trackers`
 
@@ -46,18 +47,40 @@ fn frames() -> Vec<Frame> {
         .collect()
 }
 
-/// Seconds per frame and mean iterations per frame over one round of the swing.
-fn time(tracker: &mut dyn Tracker, frames: &[Frame], start: &Corners) -> (f64, f64) {
-    tracker.init(&frames[0], start).expect("textured");
-    let mut round = || {
-        let updates = frames[1..]
-            .iter()
-            .chain(&frames[..1])
-            .map(|f| tracker.update(f).expect("easy").iterations);
-        updates.sum::<u32>()
+/// What a tracker takes.
+#[derive(Clone, Copy)]
+struct Time {
+    /// Seconds per frame.
+    frame: f64,
+    /// Mean iterations per frame.
+    iterations: f64,
+}
+
+impl Time {
+    fn us_per_iteration(&self) -> f64 {
+        self.frame * 1e6 / self.iterations
+    }
+}
+
+/// Times one round of the swing; fails where the tracker does.
+fn time(tracker: &mut dyn Tracker, frames: &[Frame], start: &Corners) -> Result<Time, TrackError> {
+    tracker.init(&frames[0], start)?;
+    let mut round = || -> Result<u32, TrackError> {
+        let order = frames[1..].iter().chain(&frames[..1]);
+        order.map(|f| Ok(tracker.update(f)?.iterations)).sum()
     };
-    let iterations = f64::from(round()) / frames.len() as f64;
-    (fastest(&mut round) / frames.len() as f64, iterations)
+    let n = frames.len() as f64;
+    Ok(Time {
+        iterations: f64::from(round()?) / n,
+        frame: fastest(&mut round) / n,
+    })
+}
+
+/// Builds and times a tracker; why not, where that does not go.
+fn time_by_name(registry: &Registry, id: &str, frames: &[Frame], start: &Corners) -> Result<Time, String> {
+    let spec = registry.parse(id).map_err(|e| e.to_string())?;
+    let mut tracker = registry.build(&spec).map_err(|e| e.to_string())?;
+    time(&mut *tracker, frames, start).map_err(|e| format!("{id}: {e}"))
 }
 
 fn main() {
@@ -68,35 +91,47 @@ fn main() {
     let mut measured = std::collections::BTreeMap::new();
     for sm in registry.sms() {
         for am in registry.ams() {
-            let spec = registry
-                .parse(&format!("{}/{}/homography", sm.name, am.name))
-                .expect("known names");
-            let Ok(mut tracker) = registry.build(&spec) else {
-                continue;
-            };
-            let (seconds, iterations) = time(&mut *tracker, &frames, &start);
-            let (us, per) = (seconds * 1e6, seconds * 1e6 / iterations);
-            println!(
-                "{:28} {us:9.1} us/frame {iterations:6.2} iterations {per:8.2} us/iteration",
-                spec.to_string()
-            );
-            measured.insert(spec.to_string(), seconds);
+            let id = format!("{}/{}/homography", sm.name, am.name);
+            match time_by_name(&registry, &id, &frames, &start) {
+                Ok(t) => {
+                    let (us, per) = (t.frame * 1e6, t.us_per_iteration());
+                    let count = t.iterations;
+                    println!("{id:28} {us:9.1} us/frame {count:6.2} iterations {per:8.2} us/iteration");
+                    measured.insert(id, t);
+                }
+                Err(why) => println!("{id:28} skipped: {why}"),
+            }
         }
     }
-    let mut esm = Esm::new(Ssd::default(), Homography::new());
-    let fixed = time(&mut esm, &frames, &start).0;
-    row(
-        "esm/ssd/homography, static types",
-        fixed,
-        "boxed",
-        measured["esm/ssd/homography"],
-    );
-    let mut iclk = Iclk::new(Ssd::default(), Homography::new());
-    let fixed = time(&mut iclk, &frames, &start).0;
-    row(
-        "iclk/ssd/homography, static types",
-        fixed,
-        "boxed",
-        measured["iclk/ssd/homography"],
-    );
+    let esm = |am: &str| measured.get(&format!("esm/{am}/homography"));
+    if let Some(ssd) = esm("ssd") {
+        println!("an iteration of ESM, homography:");
+        for am in registry.ams() {
+            match esm(am.name) {
+                Some(t) => {
+                    let (us, times) = (
+                        t.us_per_iteration(),
+                        t.us_per_iteration() / ssd.us_per_iteration(),
+                    );
+                    println!("{:8} {us:9.2} us {times:8.2} x ssd", am.name);
+                }
+                None => println!("{:8} skipped: see above", am.name),
+            }
+        }
+    }
+    let fixed = [
+        (
+            "esm/ssd/homography",
+            time(&mut Esm::new(Ssd::default(), Homography::new()), &frames, &start),
+        ),
+        (
+            "iclk/ssd/homography",
+            time(&mut Iclk::new(Ssd::default(), Homography::new()), &frames, &start),
+        ),
+    ];
+    for (id, fixed) in fixed {
+        if let (Ok(fixed), Some(boxed)) = (fixed, measured.get(id)) {
+            row(&format!("{id}, static types"), fixed.frame, "boxed", boxed.frame);
+        }
+    }
 }

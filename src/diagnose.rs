@@ -22,6 +22,9 @@ mod light;
 pub use light::illumination;
 use light::{random_state, units};
 
+/// Tolerance of gradients: patches are single precision.
+const SINGLE: f64 = 1e-5;
+
 /// One comparison.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Check {
@@ -183,7 +186,7 @@ pub fn appearance_with(
         check(
             format!("df/d({name})"),
             relative(g.iter().map(|&g| g.into()).zip(numeric)),
-            1e-6,
+            SINGLE,
         );
 
         // Fourth-order differences: truncation and rounding both stay below single precision.
@@ -228,7 +231,7 @@ pub fn appearance_with(
                 })
                 .collect();
             let pairs = both.gradient.iter().copied().zip(numeric);
-            check(format!("gradient with {what} ({name})"), relative(pairs), 2e-6);
+            check(format!("gradient with {what} ({name})"), relative(pairs), SINGLE);
             check(
                 format!("{what} with gradient ({name})"),
                 relative_matrix(&both.hessian, &analytic),

@@ -7,7 +7,7 @@
 //! settings   = [ name "=" value { "," name "=" value } ]
 //! ```
 //!
-//! Letter case and blanks between words do not matter. Errors say where in the text (a byte offset) and what was expected
+//! Blanks between words do not matter, nor does the letter case of names; values keep theirs. Errors say where in the text (a byte offset) and what was expected
 //! there. Depends on nothing else in the crate.
 
 /// A word of the text and where it stands.
@@ -69,7 +69,7 @@ const MAX_DEPTH: usize = 32;
 /// Where the text departs from the notation.
 pub fn parse(text: &str) -> Result<Expr, SyntaxError> {
     let mut parser = Parser {
-        text: text.to_ascii_lowercase(),
+        text: text.to_owned(),
         at: 0,
     };
     let expr = parser.tracker(0)?;
@@ -120,7 +120,7 @@ impl Parser {
             return Err(self.fault(expected));
         }
         let word = Word {
-            text: rest[..end].to_owned(),
+            text: rest[..end].to_ascii_lowercase(),
             at: self.at,
         };
         self.at += end;
@@ -236,6 +236,7 @@ mod tests {
                 "esm/ssd+gb/homography{max_iters=50,res=25x25}",
             ),
             ("best", "best(){}"),
+            ("DFM/x/Y{Model=Net.onnx}", "dfm/x/y{model=Net.onnx}"),
             ("best(; levels=4)", "best(){levels=4}"),
             (
                 "cascade(pyramid(iclk/ssd/affine{sm.iclk.epsilon=1e-3}; levels=3), esm/zncc/homography)",

@@ -29,6 +29,7 @@ pub mod prelude {
     pub use crate::dataset;
     pub use crate::eval::error::frame_error;
     pub use crate::geom::Corners;
+    pub use crate::ilm::{Gb, IlluminationModel, Pgb, Rbf};
     pub use crate::image::{Frame, Image, parse_preprocessor};
     pub use crate::registry::{Registry, Selection, TrackerSpec};
     pub use crate::sm::{Esm, Falk, Fclk, Ialk, Iclk};

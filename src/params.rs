@@ -43,6 +43,27 @@ pub enum ParamError {
         /// What is allowed.
         allowed: String,
     },
+    /// The text is of the parameter's type, but what it names cannot be used.
+    #[error("{name}={value}: {reason}")]
+    Unusable {
+        /// Parameter.
+        name: &'static str,
+        /// Text given.
+        value: String,
+        /// Why.
+        reason: String,
+    },
+}
+
+impl ParamError {
+    /// The error for a text that `T` did not accept as parameter `name`, of which `allowed` would be.
+    pub fn refused<T: ParamValue>(name: &'static str, value: &str, allowed: String) -> Self {
+        let value = value.to_owned();
+        match T::explain(&value) {
+            Some(reason) => ParamError::Unusable { name, value, reason },
+            None => ParamError::Value { name, value, allowed },
+        }
+    }
 }
 
 /// A set of typed parameters with defaults.
@@ -106,6 +127,10 @@ pub trait ParamValue: Sized + Clone + PartialEq {
     fn text(&self) -> String;
     /// What is allowed when no range is declared.
     fn allowed() -> String;
+    /// Why a text that is not accepted cannot be, if more is to be said than what is allowed.
+    fn explain(_text: &str) -> Option<String> {
+        None
+    }
 }
 
 macro_rules! number {
@@ -144,7 +169,7 @@ impl ParamValue for f64 {
 
 impl ParamValue for bool {
     fn parse(text: &str) -> Option<Self> {
-        match text {
+        match text.to_ascii_lowercase().as_str() {
             "1" | "true" | "on" | "yes" => Some(true),
             "0" | "false" | "off" | "no" => Some(false),
             _ => None,
@@ -186,7 +211,7 @@ impl Display for Resolution {
 
 impl ParamValue for Resolution {
     fn parse(text: &str) -> Option<Self> {
-        let (cols, rows) = text.split_once('x').unwrap_or((text, text));
+        let (cols, rows) = text.split_once(['x', 'X']).unwrap_or((text, text));
         let side = |s: &str| s.parse().ok().filter(|n| (2..=1000).contains(n));
         Some(Resolution {
             cols: side(cols)?,
@@ -210,7 +235,7 @@ macro_rules! param_enum {
 
         impl $crate::params::ParamValue for $name {
             fn parse(text: &str) -> Option<Self> {
-                match text { $($text => Some($name::$variant),)* _ => None }
+                match text.to_ascii_lowercase().as_str() { $($text => Some($name::$variant),)* _ => None }
             }
             fn text(&self) -> String {
                 match self { $($name::$variant => $text),* }.to_owned()
@@ -274,11 +299,10 @@ macro_rules! params {
                 use $crate::params::ParamValue;
                 $(if name == stringify!($field) {
                     let parsed = <$ty as ParamValue>::parse(value)$(.filter(|v| $range.contains(v)))?;
-                    self.$field = parsed.ok_or_else(|| $crate::params::ParamError::Value {
-                        name: stringify!($field),
-                        value: value.to_owned(),
-                        allowed: <Self as $crate::params::Params>::info()
-                            .into_iter().find(|i| i.name == stringify!($field)).expect("declared").allowed,
+                    self.$field = parsed.ok_or_else(|| {
+                        let info = <Self as $crate::params::Params>::info();
+                        let own = info.into_iter().find(|i| i.name == stringify!($field)).expect("declared");
+                        $crate::params::ParamError::refused::<$ty>(own.name, value, own.allowed)
                     })?;
                     return Ok(());
                 })*

@@ -51,6 +51,9 @@ pub enum TrackError {
     /// The illumination model cannot follow, or not be used with so small a patch.
     #[error("illumination: {0}")]
     Illumination(&'static str),
+    /// An analysis method was not told where the object is in this frame.
+    #[error("no ground truth for this frame")]
+    NoTruth,
     /// A number is not finite.
     #[error("not finite: {0}")]
     NotFinite(&'static str),
@@ -67,6 +70,7 @@ impl TrackError {
             TrackError::Outside => "outside",
             TrackError::Singular => "singular",
             TrackError::Illumination(_) => "illumination",
+            TrackError::NoTruth => "no_truth",
             TrackError::NotFinite(_) => "not_finite",
         }
     }
@@ -95,6 +99,14 @@ pub trait Tracker: Send {
 
     /// Seed of all randomness; called before `init`. Trackers without randomness ignore it.
     fn reseed(&mut self, _seed: u64) {}
+
+    /// Whether each `update` must be preceded by [`tell_truth`](Self::tell_truth): true of methods for analysis alone.
+    fn needs_truth(&self) -> bool {
+        false
+    }
+
+    /// The true corners in the frame about to be given to `update`. All but methods for analysis ignore them.
+    fn tell_truth(&mut self, _corners: &Corners) {}
 
     /// Channels of the image that `update` reads: 1 (gray) or 3 (R, G, B).
     fn channels(&self) -> usize {
@@ -125,6 +137,12 @@ impl<T: Tracker + ?Sized> Tracker for Box<T> {
     }
     fn reseed(&mut self, seed: u64) {
         (**self).reseed(seed)
+    }
+    fn needs_truth(&self) -> bool {
+        (**self).needs_truth()
+    }
+    fn tell_truth(&mut self, corners: &Corners) {
+        (**self).tell_truth(corners)
     }
     fn channels(&self) -> usize {
         (**self).channels()

@@ -63,7 +63,7 @@ fn lists_come_from_the_registry() {
         .assert()
         .success()
         .stdout(contains("esm").and(contains("homography")));
-    for what in ["sm", "am", "ssm", "trackers", "params", "metrics"] {
+    for what in ["sm", "am", "ssm", "ilm", "trackers", "params", "metrics"] {
         let output = program(dir.path())
             .args(["list", what, "--format", "json"])
             .output()
@@ -90,6 +90,57 @@ fn lists_come_from_the_registry() {
         .assert()
         .success()
         .stdout(contains("data/seq0"));
+}
+
+#[test]
+fn illumination_and_colour_have_names() {
+    let dir = with_data(&[5]);
+    program(dir.path())
+        .args([
+            "run",
+            "data",
+            "--am",
+            "ssd,mcncc",
+            "--ilm",
+            "all",
+            "--out",
+            "out",
+            "-j",
+            "1",
+        ])
+        .assert()
+        .success()
+        .stdout(contains("esm/ssd+pgb/homography").and(contains("esm/ncc+rbf/homography{channels=3}")))
+        .stderr(contains("ncc is blind to one gain and bias"));
+    let summary = fs::read_to_string(dir.path().join("out/summary.csv")).unwrap();
+    assert!(
+        summary.contains("esm/ssd+gb/homography,esm,ssd,homography,gb,"),
+        "{summary}"
+    );
+    assert!(
+        dir.path()
+            .join("out/frames/esm-ssd-gb-homography/data/seq0.csv")
+            .exists()
+    );
+    program(dir.path())
+        .args(["run", "data", "--am", "sad", "--ilm", "gb"])
+        .assert()
+        .code(2)
+        .stderr(contains("sad has no derivatives"));
+    program(dir.path())
+        .args([
+            "diagnose",
+            "data",
+            "--am",
+            "ssd",
+            "--ssm",
+            "homography",
+            "--ilm",
+            "all",
+        ])
+        .assert()
+        .success()
+        .stdout(contains("ssd+rbf").and(contains("ssd+pgb/homography")));
 }
 
 #[test]
@@ -393,7 +444,9 @@ fn truth_is_fitted_with_a_warp_of_fewer_degrees_of_freedom() {
         let mut command = program(dir.path());
         let output = command.args(run.split(' ')).args(extra).assert().success();
         let summary: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
-        summary["trackers"][0]["summary"][0]["al_mean"].as_f64().unwrap()
+        summary["trackers"][0]["aggregates"][0]["al_mean"]
+            .as_f64()
+            .unwrap()
     };
     // The sequence turns by up to 25 degrees, which a shift cannot follow.
     let (plain, fitted) = (mean(&[]), mean(&["--gt-ssm", "translation"]));

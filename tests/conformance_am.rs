@@ -135,6 +135,69 @@ fn derivatives_hold_with_other_parameters() {
     }
 }
 
+/// M-estimators and masks: gradients are those of the loss with scale, statistics and (in NCC) weights held, and only values
+/// in use count.
+#[test]
+fn weighted_models_have_the_gradients_of_their_loss() {
+    for name in ["ssd", "nssd", "zncc", "ncc"] {
+        let entry = AMS.iter().find(|e| e.name == name).unwrap();
+        for robust in ["huber", "tukey", "none"] {
+            for channels in [1, 3] {
+                let mut pair = pair(channels, 12);
+                // An occluder.
+                pair.current
+                    .iter_mut()
+                    .step_by(7)
+                    .for_each(|v| *v = (*v + 128.0) % 256.0);
+                let mut am = (entry.build)(&[("robust", robust)]).unwrap();
+                am.set_template(pair.shape, &pair.template).unwrap();
+                let n = pair.shape.len();
+                let masked = robust == "none";
+                if masked {
+                    let mask: Vec<f32> = (0..n).map(|i| f32::from(u8::from(i % 7 > 1))).collect();
+                    am.set_mask(&mask);
+                }
+                am.set_current(&pair.current);
+                assert!(am.weighted());
+                let wide = |x: &[f32]| x.iter().map(|&v| f64::from(v)).collect::<Vec<f64>>();
+                let (template, current) = (wide(&pair.template), wide(&pair.current));
+                let f = am.reference(&template, &current);
+                assert!((am.similarity() - f).abs() < 1e-5 * f.abs(), "{name}, {robust}");
+                for side in [Side::Template, Side::Current] {
+                    let mut g = vec![0.0; n];
+                    am.gradient_into(side, &mut g);
+                    let (mut diff, mut size) = (0.0, 0.0);
+                    for i in 0..n {
+                        let at = |d: f64| {
+                            let (mut t, mut c) = (template.clone(), current.clone());
+                            match side {
+                                Side::Template => t[i] += d,
+                                Side::Current => c[i] += d,
+                            }
+                            am.reference(&t, &c)
+                        };
+                        let numeric = (at(1e-3) - at(-1e-3)) / 2e-3;
+                        diff += (f64::from(g[i]) - numeric).powi(2);
+                        size += numeric * numeric;
+                        assert!(!masked || i % 7 > 1 || g[i] == 0.0);
+                    }
+                    assert!(
+                        diff < 1e-9 * size,
+                        "{name}, {robust}, {side:?}: {diff:e} of {size:e}"
+                    );
+                }
+                // Weights of what is hidden are small: the occluder, every seventh value, pulls least per gray level.
+                if robust == "tukey" {
+                    let mut g = vec![0.0; n];
+                    am.gradient_into(Side::Current, &mut g);
+                    let hidden = g.iter().step_by(7).filter(|v| **v == 0.0).count();
+                    assert!(hidden > n / 14, "{name}: {hidden} of {}", n / 7);
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn perfect_alignment_is_the_maximum() {
     for mut c in cases() {
@@ -307,9 +370,17 @@ fn flat_and_saturated_patches_are_no_numbers_in_disguise() {
         let textured: Vec<f32> = (0..143)
             .map(|i| waves.at([(i % 13) as f64 * 4.0, (i / 13) as f64 * 4.0]) as f32)
             .collect();
-        let mut am = (entry.build)(&[]).unwrap();
-        am.set_template(shape, &textured).unwrap();
-        for level in [0.0, 128.0, 255.0] {
+        let robust = (entry.params)().iter().any(|p| p.name == "robust");
+        let robust: &[_] = if robust {
+            &["none", "huber", "tukey"]
+        } else {
+            &["none"]
+        };
+        for (loss, level) in robust.iter().flat_map(|r| [0.0, 128.0, 255.0].map(|l| (*r, l))) {
+            let loss = [("robust", loss)];
+            let mut am = (entry.build)(if robust.len() > 1 { &loss } else { &[] }).unwrap();
+            am.set_template(shape, &textured).unwrap();
+            am.set_current(&[level; 143]);
             am.set_current(&[level; 143]);
             assert!(
                 am.similarity().is_finite() && am.likelihood().is_finite(),

@@ -135,7 +135,7 @@ fn the_command_line_judges_by_dense_truth() {
     let error = |id: &str| {
         let trackers = summary["trackers"].as_array().unwrap();
         let one = trackers.iter().find(|t| t["tracker"] == id).unwrap();
-        one["summary"][0]["grid_mean"].as_f64().unwrap()
+        one["aggregates"][0]["grid_mean"].as_f64().unwrap()
     };
     for sm in ["falk", "ialk"] {
         let rigid = error(&format!("{sm}/ssd/homography"));

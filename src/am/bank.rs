@@ -68,7 +68,7 @@ fn taps(sigma: f64, order: usize) -> Vec<f32> {
 }
 
 impl OrientedBank {
-    /// The first `maps` of the ten filters.
+    /// The first `maps` of the ten filters, all of them at most.
     pub fn new(maps: usize) -> Self {
         OrientedBank {
             maps: maps.clamp(1, MAPS.len()),
@@ -114,6 +114,9 @@ impl PatchFeatures for OrientedBank {
     }
     fn derivative(&self, _patch: &[f32], direction: &[f32], out: &mut [f32]) {
         self.filter(direction, out);
+    }
+    fn has_transpose(&self) -> bool {
+        true
     }
     fn transposed(&self, _patch: &[f32], weights: &[f32], out: &mut [f32]) {
         let [between, back] = &mut *self.between.borrow_mut();

@@ -7,15 +7,23 @@
 //! (with the derivatives and deviations of that side's patch), Hessians `-Σ_k (B_k J)ᵀ(B_k J)/σ_k²`: first order in the
 //! features, exact for linear ones.
 //!
-//! The features used are [`OrientedBank`], derivative-of-Gaussian filters.
+//! The features are those of a network read from a file ([`Network`]) or, without one, of [`OrientedBank`],
+//! derivative-of-Gaussian filters. Where only differences tell the derivative of the features, gradients come from the
+//! features' changes along the columns of the Jacobian, `f_p = ∓Σ_k (B_k J)ᵀ e_k/σ_k`: two evaluations a parameter
+//! instead of two a pixel. Those of the template are kept.
 
 use super::bank::OrientedBank;
+use super::network::Network;
 use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::tracker::TrackError;
 
-/// Features of a patch: a number of maps of equal length, differentiable with respect to the patch's values.
+/// Gray levels that the default [`PatchFeatures::derivative`] moves values by, at most.
+const STEP: f32 = 1.0;
+
+/// Features of a patch: a number of maps of equal length, differentiable with respect to the patch's values, if only by
+/// differences (the defaults, which allocate).
 pub trait PatchFeatures: Send {
     /// Prepares for patches of a shape. Fails when they are too small.
     fn prepare(&mut self, shape: PatchShape) -> Result<(), TrackError>;
@@ -25,12 +33,42 @@ pub trait PatchFeatures: Send {
     fn map_len(&self) -> usize;
     /// All maps of a patch, one after the other.
     fn evaluate(&self, patch: &[f32], out: &mut [f32]);
-    /// Change of all maps along a direction: `B d` at `patch`.
-    fn derivative(&self, patch: &[f32], direction: &[f32], out: &mut [f32]);
-    /// `Bᵀ w` at `patch`, for one number per feature.
-    fn transposed(&self, patch: &[f32], weights: &[f32], out: &mut [f32]);
-    /// Slow `f64` definition of [`evaluate`](Self::evaluate).
-    fn reference(&self, patch: &[f64]) -> Vec<f64>;
+    /// Change of all maps along a direction: `B d` at `patch`. By default a central difference.
+    fn derivative(&self, patch: &[f32], direction: &[f32], out: &mut [f32]) {
+        let largest = direction.iter().fold(0.0f32, |m, d| m.max(d.abs()));
+        if largest == 0.0 {
+            return out.fill(0.0);
+        }
+        let h = STEP / largest;
+        let moved = |h: f32| -> Vec<f32> { patch.iter().zip(direction).map(|(p, d)| p + h * d).collect() };
+        let mut down = vec![0.0; out.len()];
+        self.evaluate(&moved(h), out);
+        self.evaluate(&moved(-h), &mut down);
+        for (o, d) in out.iter_mut().zip(&down) {
+            *o = (*o - d) / (2.0 * h);
+        }
+    }
+    /// Whether [`transposed`](Self::transposed) costs about as much as one evaluation.
+    fn has_transpose(&self) -> bool {
+        false
+    }
+    /// `Bᵀ w` at `patch`, for one number per feature. By default from a derivative per value of the patch.
+    fn transposed(&self, patch: &[f32], weights: &[f32], out: &mut [f32]) {
+        let (mut unit, mut change) = (vec![0.0; patch.len()], vec![0.0; weights.len()]);
+        for (i, o) in out.iter_mut().enumerate() {
+            unit[i] = 1.0;
+            self.derivative(patch, &unit, &mut change);
+            unit[i] = 0.0;
+            *o = kernels::dot(&change, weights) as f32;
+        }
+    }
+    /// Slow `f64` definition of [`evaluate`](Self::evaluate); by default that itself.
+    fn reference(&self, patch: &[f64]) -> Vec<f64> {
+        let patch: Vec<f32> = patch.iter().map(|&v| v as f32).collect();
+        let mut out = vec![0.0; self.maps() * self.map_len()];
+        self.evaluate(&patch, &mut out);
+        out.into_iter().map(f64::from).collect()
+    }
     /// Bytes kept.
     fn memory(&self) -> usize;
 }
@@ -38,8 +76,10 @@ pub trait PatchFeatures: Send {
 crate::params! {
     /// Parameters of [`Dfm`].
     pub struct DfmParams {
-        /// Feature maps: of each channel the first so many of the filter bank (first derivatives before second ones).
-        n_maps: usize = 4, in 1..=10;
+        /// File of a network in ONNX format that computes the feature maps; none: a bank of derivative filters.
+        model: Network = Network::default();
+        /// Feature maps: the first so many of the network, or of the ten filters for each channel (first derivatives before second ones).
+        n_maps: usize = 4, in 1..=4096;
         /// Each map is standardised.
         zncc: bool = true;
         /// Likelihood exp(-alpha * mean squared difference of features): alpha.
@@ -69,10 +109,13 @@ pub struct Dfm {
     /// `F̂(I) - F̂(T)`.
     residual: Vec<f32>,
     ssd: f64,
-    /// Scaled residual, weights of the features, and their derivatives along the columns of a Jacobian.
+    /// Scaled residual, and weights of the features.
     scaled: Vec<f32>,
     weights: Vec<f32>,
-    jacobian: Jacobian,
+    /// Derivatives of the features along the columns of a Jacobian, for each side.
+    pushed: [Jacobian; 2],
+    /// The Jacobian that those of the template belong to; no columns when they are out of date.
+    of_template: Jacobian,
 }
 
 /// Most parameters a Jacobian may have without allocation in the hot path.
@@ -90,7 +133,8 @@ impl Dfm {
             ssd: 0.0,
             scaled: Vec::new(),
             weights: Vec::new(),
-            jacobian: Jacobian::default(),
+            pushed: Default::default(),
+            of_template: Jacobian::default(),
         }
     }
 
@@ -147,33 +191,42 @@ impl Dfm {
         self.scaled = scaled;
     }
 
-    /// Features' derivatives along the columns of `j`, and their weights.
+    /// Features' derivatives along the columns of `j`, into `self.pushed`.
     fn push(&mut self, side: Side, j: &Jacobian) {
-        let (mut jacobian, mut weights) = (
-            std::mem::take(&mut self.jacobian),
-            std::mem::take(&mut self.weights),
-        );
-        jacobian.resize(self.residual.len(), j.cols());
-        let maps = self.side(side);
-        for k in 0..j.cols() {
-            self.features
-                .derivative(&maps.patch, j.col(k), jacobian.col_mut(k));
+        if side == Side::Template {
+            if self.of_template == *j {
+                return;
+            }
+            self.of_template.copy_from(j);
         }
+        let mut pushed = std::mem::take(&mut self.pushed[side as usize]);
+        pushed.resize(self.residual.len(), j.cols());
+        let patch = &self.side(side).patch;
+        for k in 0..j.cols() {
+            self.features.derivative(patch, j.col(k), pushed.col_mut(k));
+        }
+        self.pushed[side as usize] = pushed;
+    }
+
+    /// `-1/σ²` of each feature of a side into `self.weights`.
+    fn weigh(&mut self, side: Side) {
+        let mut weights = std::mem::take(&mut self.weights);
         let n = self.features.map_len();
-        for (w, (_, inverse)) in weights.chunks_exact_mut(n).zip(&maps.stats) {
+        for (w, (_, inverse)) in weights.chunks_exact_mut(n).zip(&self.side(side).stats) {
             w.fill(-(inverse * inverse) as f32);
         }
-        (self.jacobian, self.weights) = (jacobian, weights);
+        self.weights = weights;
     }
 }
 
 impl AmModel for Dfm {
     type Params = DfmParams;
     const NAME: &'static str = "dfm";
-    const SUMMARY: &'static str = "SSD of standardised feature maps (oriented derivative filters)";
+    const SUMMARY: &'static str = "SSD of standardised feature maps, of derivative filters or a network";
     fn new(params: DfmParams) -> Self {
-        let bank = OrientedBank::new(params.n_maps);
-        Dfm::with_features(params, Box::new(bank))
+        let network = params.model.features(params.n_maps);
+        let features = network.unwrap_or_else(|| Box::new(OrientedBank::new(params.n_maps)));
+        Dfm::with_features(params, features)
     }
 }
 
@@ -199,10 +252,15 @@ impl AppearanceModel for Dfm {
             buffer.clear();
             buffer.resize(maps * n, 0.0);
         }
-        self.jacobian.resize(maps * n, MAX_DOF);
+        self.pushed.iter_mut().for_each(|j| j.resize(maps * n, MAX_DOF));
+        self.of_template.resize(shape.len(), MAX_DOF);
+        self.of_template.resize(0, 0);
         let mut template = std::mem::take(&mut self.template);
         self.evaluate(patch, &mut template);
         self.template = template;
+        if self.template.values.iter().any(|v| !v.is_finite()) {
+            return Err(TrackError::NotFinite("features of the template"));
+        }
         if self.template.stats.iter().all(|s| s.1 == 0.0) {
             return Err(TrackError::Template("flat patch"));
         }
@@ -223,9 +281,21 @@ impl AppearanceModel for Dfm {
         self.features
             .transposed(&self.side(side).patch, &self.scaled, out);
     }
+    fn project_gradient(&mut self, side: Side, j: &Jacobian, scratch: &mut [f32], out: &mut [f64]) {
+        if self.features.has_transpose() {
+            self.gradient_into(side, scratch);
+            kernels::project(j, scratch, out);
+        } else {
+            self.push(side, j);
+            self.scale_residual(side);
+            kernels::project(&self.pushed[side as usize], &self.scaled, out);
+        }
+    }
     fn hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
         self.push(side, j);
-        kernels::weighted_normal_equations(&self.jacobian, &self.weights, &[], h, &mut []);
+        self.weigh(side);
+        let pushed = &self.pushed[side as usize];
+        kernels::weighted_normal_equations(pushed, &self.weights, &[], h, &mut []);
     }
     fn self_hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
         self.hessian_into(side, j, h);
@@ -239,9 +309,10 @@ impl AppearanceModel for Dfm {
         out: &mut Normal,
     ) {
         self.push(side, j);
+        self.weigh(side);
         self.scale_residual(side);
         kernels::weighted_normal_equations(
-            &self.jacobian,
+            &self.pushed[side as usize],
             &self.weights,
             &[&self.scaled],
             &mut out.hessian,
@@ -249,7 +320,7 @@ impl AppearanceModel for Dfm {
         );
     }
     fn likelihood(&self) -> f64 {
-        (-self.params.likelihood_alpha * self.ssd / self.residual.len() as f64).exp()
+        libm::exp(-self.params.likelihood_alpha * self.ssd / self.residual.len() as f64)
     }
     fn feature_len(&self) -> usize {
         self.residual.len()
@@ -272,6 +343,9 @@ impl AppearanceModel for Dfm {
     }
     fn memory(&self) -> usize {
         let n = self.residual.capacity();
-        4 * (5 * n + 2 * self.template.patch.capacity()) + self.jacobian.memory() + self.features.memory()
+        let jacobians = self.pushed.iter().chain([&self.of_template]);
+        4 * (5 * n + 2 * self.template.patch.capacity())
+            + jacobians.map(Jacobian::memory).sum::<usize>()
+            + self.features.memory()
     }
 }

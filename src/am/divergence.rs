@@ -299,7 +299,7 @@ impl<K: DivergenceKind> Divergence<K> {
             }
         }
         self.power = power;
-        kernels::weighted_gram(&self.outer, &self.outer_weights, h);
+        kernels::weighted_normal_equations(&self.outer, &self.outer_weights, &[], h, &mut []);
         if self.gram.order() != j.cols() {
             self.gram = SymMatrix::new(j.cols());
         }
@@ -392,7 +392,7 @@ impl<K: DivergenceKind> AppearanceModel for Divergence<K> {
         hist::bucket_polynomials(&own.bucket, &own.tau, &self.table, &mut weights);
         self.outer_factors(side);
         self.outer_hessian(side, j, h);
-        kernels::weighted_gram(j, &weights, &mut self.gram);
+        kernels::weighted_normal_equations(j, &weights, &[], &mut self.gram, &mut []);
         h.blend(1.0, 1.0, &self.gram);
         self.weights = weights;
     }

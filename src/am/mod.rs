@@ -29,6 +29,7 @@ mod kld;
 mod lkld;
 mod mi;
 mod ncc;
+mod network;
 mod ngf;
 mod nssd;
 mod pca;
@@ -52,6 +53,7 @@ pub use kld::{Kld, KldParams, Whole};
 pub use lkld::{Lkld, LkldParams, Localised};
 pub use mi::{Mi, MiParams, Mutual};
 pub use ncc::Ncc;
+pub use network::{Network, NetworkError};
 pub use ngf::{Ngf, NgfParams};
 pub use nssd::Nssd;
 pub use pca::Pca;
@@ -231,6 +233,13 @@ pub trait AppearanceModel: Send {
     /// `df/dT` (function 5) or `df/dI` (function 6) for each raw pixel value; `out` has the patch's length.
     fn gradient_into(&mut self, side: Side, out: &mut [f32]);
 
+    /// Gradient with respect to the search parameters (functions 7, 8): the product of
+    /// [`gradient_into`](Self::gradient_into) and `j`. `scratch` has the patch's length.
+    fn project_gradient(&mut self, side: Side, j: &Jacobian, scratch: &mut [f32], out: &mut [f64]) {
+        self.gradient_into(side, scratch);
+        kernels::project(j, scratch, out);
+    }
+
     /// First-order Hessian `J' (d²f/dI²) J` of the current side (function 11) or the same of the template side
     /// (function 10); `j` has a row per value.
     fn hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix);
@@ -248,8 +257,7 @@ pub trait AppearanceModel: Send {
         scratch: &mut [f32],
         out: &mut Normal,
     ) {
-        self.gradient_into(side, scratch);
-        kernels::project(j, scratch, &mut out.gradient);
+        self.project_gradient(side, j, scratch, &mut out.gradient);
         match curvature {
             Curvature::SelfHessian => self.self_hessian_into(side, j, &mut out.hessian),
             Curvature::Standard => self.hessian_into(side, j, &mut out.hessian),
@@ -321,6 +329,9 @@ impl<T: AppearanceModel + ?Sized> AppearanceModel for Box<T> {
     }
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         (**self).gradient_into(side, out)
+    }
+    fn project_gradient(&mut self, side: Side, j: &Jacobian, scratch: &mut [f32], out: &mut [f64]) {
+        (**self).project_gradient(side, j, scratch, out)
     }
     fn hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
         (**self).hessian_into(side, j, h)

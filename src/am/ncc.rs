@@ -8,9 +8,8 @@
 //! the sum of the weights. These belong to the differences of standardised patches, as in [`super::Zncc`], and are held
 //! fixed while differentiating.
 
-use super::robust::{Robust, Weights};
-use super::ssd::NOISE;
-use super::zncc::{ROUNDS, standardise};
+use super::robust::{NOISE, Robust, Weights};
+use super::zncc::standardise;
 use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
@@ -36,6 +35,8 @@ pub struct Ncc {
     /// `1/σ` of the patches; `sqrt(n) σ` are the norms `c` and `b`.
     template_inverse: f64,
     current_inverse: f64,
+    /// `Ī`, of the last patch with weights.
+    current_mean: f64,
     ones: Vec<f32>,
     weights: Weights,
     /// With weights `w`: `w û`, `w v̂`; the latter's place holds differences while weights are estimated.
@@ -78,24 +79,21 @@ impl Ncc {
         self.sums = sums;
     }
     fn set_weighted(&mut self, patch: &[f32]) {
-        let rounds = if self.params.robust == Robust::None {
-            0
-        } else {
-            ROUNDS
-        };
         let n = self.template.len();
         let [template, current] = &mut self.weighted;
         template.resize(n, 0.0);
         current.resize(n, 0.0);
-        for round in 0..=rounds {
+        let last = (self.current_mean, self.current_inverse);
+        self.weights.judge(&self.template, patch, last, template, current);
+        if self.params.robust != Robust::None {
             let k = self.weights.standardise(&self.template, template).1;
-            self.template_inverse = k * self.plain_inverse;
-            self.current_inverse = self.weights.standardise(patch, &mut self.current).1;
-            if round < rounds {
-                kernels::subtract(&self.current, template, current);
-                self.weights.estimate(current, NOISE * self.template_inverse);
-            }
+            self.weights.standardise(patch, &mut self.current);
+            kernels::subtract(&self.current, template, current);
+            self.weights.estimate(current, NOISE * k * self.plain_inverse);
         }
+        let k = self.weights.standardise(&self.template, template).1;
+        self.template_inverse = k * self.plain_inverse;
+        (self.current_mean, self.current_inverse) = self.weights.standardise(patch, &mut self.current);
         let w = self.weights.get().unwrap_or(&self.ones);
         kernels::multiply(w, template);
         kernels::product(w, &self.current, 1.0, current);
@@ -151,7 +149,7 @@ impl AppearanceModel for Ncc {
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         self.template.clear();
         self.template.resize(shape.len(), 0.0);
-        self.template_inverse = standardise(patch, &mut self.template).1;
+        (self.current_mean, self.template_inverse) = standardise(patch, &mut self.template);
         if self.template_inverse == 0.0 {
             return Err(TrackError::Template("flat patch"));
         }
@@ -227,7 +225,7 @@ impl AppearanceModel for Ncc {
         }
     }
     fn likelihood(&self) -> f64 {
-        (-2.0 * self.params.likelihood_alpha * (1.0 - self.f)).exp()
+        libm::exp(-2.0 * self.params.likelihood_alpha * (1.0 - self.f).max(0.0))
     }
     fn feature_len(&self) -> usize {
         self.template.len()

@@ -142,7 +142,7 @@ impl Ngf {
             (curvature[i], curvature[n + i]) = ((mean + radius) as f32, (mean - radius) as f32);
         }
         stencil::combine_rows(j, cols, rows, &axes, &mut self.rows);
-        kernels::weighted_gram(&self.rows, &curvature, h);
+        kernels::weighted_normal_equations(&self.rows, &curvature, &[], h, &mut []);
         (self.axes, self.curvature) = (axes, curvature);
     }
 }

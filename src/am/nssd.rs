@@ -4,8 +4,8 @@
 //! so are all its derivatives. The optimum and every step of a search are SSD's; likelihoods, damping and sums of
 //! models see the range.
 
-use super::robust::{Robust, Weights};
-use super::ssd::{NOISE, least_squares, scaled_gram, weigh};
+use super::robust::{NOISE, Robust, Weights};
+use super::ssd::{least_squares, scaled_gram, weigh};
 use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
@@ -124,7 +124,7 @@ impl AppearanceModel for Nssd {
     }
     fn likelihood(&self) -> f64 {
         let rms = (0.5 * self.k2() * self.ssd / self.template.len() as f64).sqrt();
-        (-self.params.likelihood_alpha * rms).exp()
+        libm::exp(-self.params.likelihood_alpha * rms)
     }
     fn feature_len(&self) -> usize {
         self.template.len()

@@ -246,7 +246,7 @@ impl AppearanceModel for Pca {
         }
     }
     fn likelihood(&self) -> f64 {
-        (-self.params.likelihood_alpha * (0.5 * self.squares / self.template.len() as f64).sqrt()).exp()
+        libm::exp(-self.params.likelihood_alpha * (0.5 * self.squares / self.template.len() as f64).sqrt())
     }
     fn feature_len(&self) -> usize {
         self.template.len()

@@ -213,7 +213,7 @@ impl AppearanceModel for Riu {
         }
     }
     fn likelihood(&self) -> f64 {
-        (self.params.likelihood_alpha * self.f).exp()
+        libm::exp(self.params.likelihood_alpha * self.f)
     }
     fn feature_len(&self) -> usize {
         self.template.len()

@@ -27,8 +27,13 @@ param_enum! {
 /// Huber's `k`, Tukey's `c`.
 const HUBER: f32 = 1.345;
 const TUKEY: f32 = 4.685;
+/// Noise below which a robust loss sees no outliers: a gray level.
+pub(super) const NOISE: f64 = 1.0;
 /// Standard deviation over median absolute value, of Gaussian noise.
 const MAD: f64 = 1.4826;
+
+/// Least scale: standardised flat patches do not differ at all.
+const LEAST_SCALE: f64 = 1e-6;
 
 /// Weights of the values of a patch.
 #[derive(Clone, Debug)]
@@ -109,7 +114,7 @@ impl Weights {
         self.sizes.extend(kept.map(|(e, _)| e.abs()));
         let middle = self.sizes.len() / 2;
         let (_, median, _) = self.sizes.select_nth_unstable_by(middle, f32::total_cmp);
-        self.scale = (MAD * f64::from(*median)).max(floor);
+        self.scale = (MAD * f64::from(*median)).max(floor).max(LEAST_SCALE);
         let inverse = (1.0 / self.scale) as f32;
         let loss = match self.loss {
             Robust::Tukey => kernels::tukey(e, inverse, TUKEY, &mut self.w),
@@ -162,6 +167,17 @@ impl Weights {
         };
         kernels::rescale(x, mean as f32, inverse as f32, out);
         (mean, inverse)
+    }
+
+    /// With a robust loss: first weights for a patch, from its differences to the (standardised) template when it is
+    /// standardised by mean and inverse deviation of the patch before, so that whatever has newly come into view stands out.
+    pub fn judge(&mut self, template: &[f32], patch: &[f32], last: (f64, f64), t: &mut [f32], e: &mut [f32]) {
+        if self.loss != Robust::None {
+            self.standardise(template, t);
+            kernels::rescale(patch, last.0 as f32, last.1 as f32, e);
+            kernels::subtract_from(e, t);
+            self.estimate(e, NOISE * last.1);
+        }
     }
 
     /// Bytes kept between frames.

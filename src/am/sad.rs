@@ -71,7 +71,7 @@ impl AppearanceModel for Sad {
         h.fill(|_, _| 0.0);
     }
     fn likelihood(&self) -> f64 {
-        (-self.params.likelihood_alpha * self.sad / self.template.len() as f64).exp()
+        libm::exp(-self.params.likelihood_alpha * self.sad / self.template.len() as f64)
     }
     fn feature_len(&self) -> usize {
         self.template.len()

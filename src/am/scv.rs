@@ -36,7 +36,7 @@ crate::params! {
         /// The map is interpolated between the centres of the bins.
         weighted: bool = false;
         /// How far the contrast that misalignment takes from an expectation is restored: 0 not at all, 1 fully.
-        contrast: f64 = 0.7, in 0.0..=1.0;
+        contrast: f64 = 0.6, in 0.0..=1.0;
         /// The map is computed in the first iteration of each frame only.
         once_per_frame: bool = false;
         /// The slope of the map enters the derivatives.
@@ -62,7 +62,7 @@ crate::params! {
         /// The maps are interpolated between the centres of the bins.
         weighted: bool = false;
         /// How far the contrast that misalignment takes from an expectation is restored: 0 not at all, 1 fully.
-        contrast: f64 = 0.7, in 0.0..=1.0;
+        contrast: f64 = 0.6, in 0.0..=1.0;
         /// The maps are computed in the first iteration of each frame only.
         once_per_frame: bool = false;
         /// The slopes of the maps enter the derivatives.
@@ -340,7 +340,7 @@ impl<V: Variant> AppearanceModel for ConditionalVariance<V> {
         }
     }
     fn likelihood(&self) -> f64 {
-        (-self.options.likelihood_alpha * (0.5 * self.ssd / self.template.len() as f64).sqrt()).exp()
+        libm::exp(-self.options.likelihood_alpha * (0.5 * self.ssd / self.template.len() as f64).sqrt())
     }
     fn feature_len(&self) -> usize {
         self.template.len()

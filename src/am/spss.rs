@@ -127,7 +127,7 @@ impl AppearanceModel for Spss {
         kernels::weighted_normal_equations(j, &self.weights, &[scratch], &mut out.hessian, &mut out.gradient);
     }
     fn likelihood(&self) -> f64 {
-        (-self.params.likelihood_alpha * self.loss / self.template.len() as f64).exp()
+        libm::exp(-self.params.likelihood_alpha * self.loss / self.template.len() as f64)
     }
     fn feature_len(&self) -> usize {
         self.template.len()

@@ -3,7 +3,7 @@
 //! `f = -½ Σ e_i²`, `e = I - T`; `df/dI = -e`, `df/dT = e`, every Hessian `-Id`, so `-J'J` in parameters. With a robust
 //! loss or a mask values have weights `w`: `-w e`, `w e`, `-J' diag(w) J`, see [`super::Robust`].
 
-use super::robust::{Robust, Weights};
+use super::robust::{NOISE, Robust, Weights};
 use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
@@ -43,9 +43,6 @@ impl AmModel for Ssd {
         }
     }
 }
-
-/// Noise below which a robust loss sees no outliers: a gray level.
-pub(super) const NOISE: f64 = 1.0;
 
 /// `h = factor * J'WJ`.
 pub(super) fn scaled_gram(j: &Jacobian, w: &Weights, factor: f64, h: &mut SymMatrix) {
@@ -131,7 +128,7 @@ impl AppearanceModel for Ssd {
         least_squares(j, &self.weights, &self.residual, sign, -1.0, out);
     }
     fn likelihood(&self) -> f64 {
-        (-self.params.likelihood_alpha * (0.5 * self.ssd / self.template.len() as f64).sqrt()).exp()
+        libm::exp(-self.params.likelihood_alpha * (0.5 * self.ssd / self.template.len() as f64).sqrt())
     }
     fn feature_len(&self) -> usize {
         self.template.len()

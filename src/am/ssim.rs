@@ -253,7 +253,7 @@ impl AppearanceModel for Ssim {
         }
     }
     fn likelihood(&self) -> f64 {
-        (-2.0 * self.params.likelihood_alpha * (1.0 - self.factors.f)).exp()
+        libm::exp(-2.0 * self.params.likelihood_alpha * (1.0 - self.factors.f).max(0.0))
     }
     /// Centred patch, mean, variance.
     fn feature_len(&self) -> usize {

@@ -31,7 +31,9 @@ impl Member {
 
 impl ParamValue for Member {
     fn parse(text: &str) -> Option<Self> {
-        let entry = AMS.iter().find(|e| e.name == text || e.aliases.contains(&text))?;
+        let text = text.to_ascii_lowercase();
+        let known = |e: &&super::AmEntry| e.name == text || e.aliases.contains(&text.as_str());
+        let entry = AMS.iter().find(known)?;
         (entry.name != Sum::NAME).then_some(Member(entry.name))
     }
     fn text(&self) -> String {

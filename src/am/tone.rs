@@ -326,7 +326,8 @@ mod tests {
                 mapped.iter_mut().zip(&d).for_each(|(m, d)| *m += d);
                 let ratio = variance(&mapped) / variance(&b);
                 if contrast == 1.0 {
-                    assert!((ratio - 1.0).abs() < 0.03, "{kind:?}: {ratio}");
+                    // Interpolation between bins rounds the map's corners.
+                    assert!((ratio - 1.0).abs() < 0.05, "{kind:?}: {ratio}");
                 } else {
                     assert!(ratio < 0.9, "{kind:?}: {ratio}");
                 }

@@ -5,11 +5,11 @@
 //! `df/dT = (Î - T̂)/σ_T`, Hessian of a side `-Id/σ²`. The exact derivatives of the same measure are [`super::Ncc`]'s.
 //!
 //! With a robust loss or a mask `µ` and `σ` of both patches are weighted, and so are the differences as in SSD: an occluder
-//! counts neither as difference nor as brightness or contrast. The weights come from two rounds of standardising with the
-//! last weights and judging the differences, beginning with those of the patch before.
+//! counts neither as difference nor as brightness or contrast. Weights are estimated twice for each patch: from the
+//! differences when it is standardised with `µ` and `σ` of the patch before, then from those with its own, weighted.
 
-use super::robust::{Robust, Weights};
-use super::ssd::{NOISE, least_squares, scaled_gram, weigh};
+use super::robust::{NOISE, Robust, Weights};
+use super::ssd::{least_squares, scaled_gram, weigh};
 use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
@@ -38,9 +38,6 @@ pub(super) fn standardise(x: &[f32], out: &mut [f32]) -> (f64, f64) {
     (mean, inverse)
 }
 
-/// Times that weights are estimated for each patch.
-pub(super) const ROUNDS: usize = 2;
-
 /// Zero-mean normalised cross-correlation.
 #[derive(Clone, Debug, Default)]
 pub struct Zncc {
@@ -64,25 +61,16 @@ pub struct Zncc {
 impl Zncc {
     fn set_weighted(&mut self, patch: &[f32]) {
         self.weighted.resize(self.template.len(), 0.0);
-        // The mask alone is known beforehand; a robust loss judges differences of patches it has standardised.
-        let rounds = if self.params.robust == Robust::None {
-            1
-        } else {
-            ROUNDS
-        };
+        let (t, e) = (&mut self.weighted, &mut self.residual);
+        self.weights
+            .judge(&self.template, patch, self.current_stats, t, e);
         let (mean, inverse) = self.plain_stats;
-        for round in 1..=rounds {
-            let (shift, k) = self.weights.standardise(&self.template, &mut self.weighted);
-            self.template_stats = (mean + shift / inverse, inverse * k);
-            self.current_stats = self.weights.standardise(patch, &mut self.residual);
-            let squares = kernels::subtract_from(&mut self.residual, &self.weighted);
-            let floor = NOISE * self.template_stats.1;
-            if round < rounds {
-                self.weights.estimate(&self.residual, floor);
-            } else {
-                self.ssd = weigh(&mut self.weights, &mut self.residual, squares, floor);
-            }
-        }
+        let (shift, k) = self.weights.standardise(&self.template, &mut self.weighted);
+        self.template_stats = (mean + shift / inverse, inverse * k);
+        self.current_stats = self.weights.standardise(patch, &mut self.residual);
+        let squares = kernels::subtract_from(&mut self.residual, &self.weighted);
+        let floor = NOISE * self.template_stats.1;
+        self.ssd = weigh(&mut self.weights, &mut self.residual, squares, floor);
     }
     fn inverse_deviation(&self, side: Side) -> f64 {
         match side {
@@ -181,7 +169,7 @@ impl AppearanceModel for Zncc {
         );
     }
     fn likelihood(&self) -> f64 {
-        (-self.params.likelihood_alpha * self.ssd / self.template.len() as f64).exp()
+        libm::exp(-self.params.likelihood_alpha * self.ssd / self.template.len() as f64)
     }
     fn feature_len(&self) -> usize {
         self.template.len()

@@ -1,5 +1,6 @@
 //! The command line as typed: structures for clap and the little grammars of their values. No logic.
 
+use super::basin::BasinArgs;
 use super::check::CheckArgs;
 use super::data::DataArgs;
 use super::diagnose::DiagnoseArgs;
@@ -93,6 +94,8 @@ pub enum Command {
     Synth(Box<SynthArgs>),
     /// Compare analytic derivatives with central differences: exit 0 or 10
     Diagnose(DiagnoseArgs),
+    /// Measure how far from the truth trackers may start
+    Basin(BasinArgs),
     /// What exists: models, trackers, parameters, metrics, data
     List(ListArgs),
     /// Look into data sets and find what is wrong with them

@@ -57,7 +57,35 @@ fn listing(what: ListWhat, registry: &Registry, data: &[PathBuf]) -> Result<List
             let describe = |e: &mtf_eval::sm::SmEntry| {
                 row(&[e.name, &e.aliases.join(" "), &e.groups.join(" "), e.summary])
             };
-            let rows = registry.sms().iter().map(describe).collect();
+            let short = registry
+                .short()
+                .iter()
+                .map(|e| row(&[e.name, &e.aliases.join(" "), &e.groups.join(" "), e.summary]));
+            let composite = registry.composites().iter().map(|e| {
+                let members = match e.members {
+                    (0, 0) => String::new(),
+                    (l, m) if l == m => format!("; {l} members"),
+                    (l, m) => format!("; {l} to {m} members"),
+                };
+                let name = if e.members.1 == 0 {
+                    e.name.to_owned()
+                } else {
+                    format!("{}(...)", e.name)
+                };
+                row(&[
+                    &name,
+                    &e.aliases.join(" "),
+                    "(expression)",
+                    &format!("{}{members}", e.summary),
+                ])
+            });
+            let rows = registry
+                .sms()
+                .iter()
+                .map(describe)
+                .chain(short)
+                .chain(composite)
+                .collect();
             (
                 "search methods",
                 vec!["name", "aliases", "groups", "description"],
@@ -132,6 +160,10 @@ fn listing(what: ListWhat, registry: &Registry, data: &[PathBuf]) -> Result<List
                 .sms()
                 .iter()
                 .for_each(|e| add("sm", e.name, (e.params)()));
+            registry
+                .composites()
+                .iter()
+                .for_each(|e| add("composite", e.name, (e.params)()));
             registry
                 .ams()
                 .iter()

@@ -1,6 +1,7 @@
 //! The command line: arguments, what each subcommand does with the library, messages and exit codes.
 
 mod args;
+mod basin;
 mod check;
 mod data;
 mod diagnose;
@@ -167,6 +168,7 @@ fn dispatch(cli: Cli, console: &Console) -> Outcome {
         }
         Command::Synth(args) => synth::run(&args).or_else(ended),
         Command::Diagnose(args) => diagnose::run(&args),
+        Command::Basin(args) => basin::run(&args, console),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "mtf-eval", &mut script);

@@ -86,6 +86,15 @@ fn track(
     console: &Console,
 ) -> Result<RunReport, Failure> {
     let request = request(args, command, console)?;
+    let stop = stop_on_signals()?;
+    eval::run(&request, &Progress::new(console, progress), &stop).map_err(failure)
+}
+
+/// Set by an interrupt or a request to terminate.
+///
+/// # Errors
+/// The system refuses.
+pub(super) fn stop_on_signals() -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         // A second signal ends the process at once: a killed run is resumed all the same.
@@ -93,7 +102,7 @@ fn track(
             .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
             .map_err(|e| Failure::usage(format!("cannot handle signals: {e}")))?;
     }
-    eval::run(&request, &Progress::new(console, progress), &stop).map_err(failure)
+    Ok(stop)
 }
 
 fn failure(error: RunError) -> Failure {
@@ -172,7 +181,10 @@ fn default_out(request: &RunRequest) -> Result<PathBuf, Failure> {
 }
 
 /// The trackers asked for; combinations that cannot work are told once per reason.
-fn trackers(
+///
+/// # Errors
+/// Unknown names, bad values, nothing that can work.
+pub(super) fn trackers(
     args: &TrackerArgs,
     registry: &Arc<Registry>,
     console: &Console,

@@ -55,8 +55,8 @@ impl Cascade {
                 Ok(mut update) => {
                     if let Some(before) = answer {
                         let apart = before.corners.mean_distance(&update.corners);
-                        // Not `>`: a distance that is no number is a disagreement too.
-                        doubt |= !(apart <= self.params.reinit_err_thresh);
+                        // A distance that is no number is a disagreement too.
+                        doubt |= apart.is_nan() || apart > self.params.reinit_err_thresh;
                         update.iterations += before.iterations;
                     }
                     update.stop = Stop::Done;

@@ -1,10 +1,10 @@
 //! Key points of the template found again in each frame, and one warp fitted to the matches.
 
 use crate::estimate::{Estimator, EstimatorParams};
-use crate::features::{Extractor, KeyPoint, MatchParams, Matcher, Region, scale_factor};
+use crate::features::{Extractor, KeyPoint, MatchParams, Matcher, Region, SCALES, scale_factor};
 use crate::geom::{Corners, Mat3, homography};
 use crate::image::Frame;
-use crate::kernels::{Bits, hamming_distances};
+use crate::kernels::{Bits, hamming};
 use crate::ssm::StateSpaceModel;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 
@@ -57,13 +57,20 @@ pub struct FeatureTracker<S> {
     tracking: bool,
     from: Vec<[f64; 2]>,
     to: Vec<[f64; 2]>,
-    distances: Vec<u32>,
+    /// Key points of the template and of the frame near each other.
+    near: Vec<(usize, usize)>,
+    /// State to go back to.
+    before: Vec<f64>,
 }
 
 /// Matches closer to each other than this are the same place, px of their scale.
 const SAME_PLACE: f32 = 5.0;
-/// Second look: distance from where the first fit puts a point, px of the point's scale there, and bits.
-const NEAR: (f64, u32) = (5.0, 90);
+/// Looks after the first: distance from where the fit before puts a point, px of the point's scale there.
+const REACHES: [f64; 2] = [5.0, 2.5];
+/// Largest distance of descriptors then, bits.
+const NEAR_BITS: u32 = 90;
+/// Key points of coarse scales, whose places are less certain, are left out when finer ones are at least so many.
+const ENOUGH: usize = 120;
 /// Largest change of area since the template was learnt, and largest number of images the region covers.
 const AREA: (f64, f64) = (40.0, 4.0);
 /// Largest RMS misfit, px, at which a region that is set keeps the base frame.
@@ -87,7 +94,8 @@ impl<S: StateSpaceModel> FeatureTracker<S> {
             tracking: false,
             from: Vec::new(),
             to: Vec::new(),
-            distances: Vec::new(),
+            near: Vec::new(),
+            before: Vec::new(),
         }
     }
 
@@ -97,6 +105,17 @@ impl<S: StateSpaceModel> FeatureTracker<S> {
         let found = self.locate(frame, None);
         self.ssm.set_state(&before)?;
         found
+    }
+
+    /// The search window around the present region.
+    fn window(&self) -> Region {
+        let corners = self.ssm.corners();
+        let side = |i: usize| {
+            let (a, b) = (corners.0[i], corners.0[(i + 1) % 4]);
+            (b[0] - a[0]).hypot(b[1] - a[1])
+        };
+        let longest = (0..4).map(side).fold(0.0, f64::max);
+        Region::around(&corners.0, self.params.feat_margin * longest)
     }
 
     /// Searches a window around the last region, or the whole frame; moves the warp there. On failure it stays.
@@ -130,10 +149,11 @@ impl<S: StateSpaceModel> FeatureTracker<S> {
         if self.from.len() < least {
             return Err(few);
         }
-        let before = self.ssm.state().to_vec();
+        self.before.clear();
+        self.before.extend_from_slice(self.ssm.state());
         let fitted = self.fit(frame, least);
         if fitted.is_err() {
-            self.ssm.set_state(&before)?;
+            self.ssm.set_state(&self.before)?;
         }
         fitted
     }
@@ -142,13 +162,17 @@ impl<S: StateSpaceModel> FeatureTracker<S> {
     fn fit(&mut self, frame: &Frame, least: usize) -> Result<Detection, TrackError> {
         self.ssm.estimate(&mut self.estimator, &self.from, &self.to)?;
         self.judge(frame, least)?;
-        let visible = self.match_near(frame)?;
-        self.ssm.estimate(&mut self.estimator, &self.from, &self.to)?;
-        let inliers = self.judge(frame, least)?;
+        let mut visible = 0;
+        for reach in REACHES {
+            visible = self.match_near(frame, reach)?;
+            self.ssm.estimate(&mut self.estimator, &self.from, &self.to)?;
+        }
+        self.judge(frame, least)?;
+        let inliers = self.agreeing()?;
         Ok(Detection {
             corners: self.ssm.corners(),
             inliers,
-            support: inliers as f64 / visible.max(inliers) as f64,
+            support: inliers as f64 / visible as f64,
         })
     }
 
@@ -168,40 +192,67 @@ impl<S: StateSpaceModel> FeatureTracker<S> {
         Ok(inliers)
     }
 
-    /// Replaces the matches by those of least distance near where the warp puts each key point of the template.
-    /// Returns how many of these lie in the frame.
-    fn match_near(&mut self, frame: &Frame) -> Result<usize, TrackError> {
+    /// Replaces the matches by those of least distance near where the warp puts each key point of the template, at about
+    /// the scale it should have there. Returns how many of these lie in the frame.
+    fn match_near(&mut self, frame: &Frame, reach: f64) -> Result<usize, TrackError> {
         let warp = Carry::new(&self.ssm)?;
         let zoom = (self.ssm.corners().signed_area() / self.ssm.base_corners().signed_area())
             .abs()
             .sqrt();
+        let rise = 3.0 * libm::log2(zoom);
         let (points, descriptors) = (self.extractor.points(), self.extractor.descriptors());
-        self.distances.resize(descriptors.len(), 0);
-        self.from.clear();
-        self.to.clear();
+        self.near.clear();
         let mut visible = 0;
+        let mut counts = [0; SCALES];
         for (i, x) in self.base.iter().enumerate() {
             let u = warp.apply(&self.ssm, *x);
             if !(u[0] >= 0.0 && u[1] >= 0.0 && u[0] < frame.width() as f64 && u[1] < frame.height() as f64) {
                 continue;
             }
             visible += 1;
-            let reach = NEAR.0 * (f64::from(scale_factor(self.points[i].scale)) * zoom).max(1.0);
-            let mut best = (NEAR.1 + 1, 0);
+            let scale = self.points[i].scale;
+            let reach = reach * (f64::from(scale_factor(scale)) * zoom).max(1.0);
+            let mut best = (NEAR_BITS + 1, 0);
             for (k, p) in points.iter().enumerate() {
                 let (dx, dy) = (f64::from(p.at[0]) - u[0], f64::from(p.at[1]) - u[1]);
-                if dx * dx + dy * dy <= reach * reach {
-                    let mut d = [0];
-                    hamming_distances(&self.descriptors[i], &descriptors[k..=k], &mut d);
-                    best = best.min((d[0], k));
+                let near = dx * dx + dy * dy <= reach * reach;
+                if near && (f64::from(p.scale) - f64::from(scale) - rise).abs() <= 2.0 {
+                    best = best.min((hamming(&self.descriptors[i], &descriptors[k]), k));
                 }
             }
-            if best.0 <= NEAR.1 {
-                self.from.push(*x);
-                self.to.push(points[best.1].at.map(f64::from));
+            if best.0 <= NEAR_BITS {
+                counts[usize::from(points[best.1].scale)] += 1;
+                self.near.push((i, best.1));
+            }
+        }
+        let mut total = 0;
+        let coarsest = counts.iter().position(|n| {
+            total += n;
+            total >= ENOUGH
+        });
+        let coarsest = coarsest.unwrap_or(SCALES - 1);
+        self.from.clear();
+        self.to.clear();
+        for (i, k) in &self.near {
+            if usize::from(points[*k].scale) <= coarsest {
+                self.from.push(self.base[*i]);
+                self.to.push(points[*k].at.map(f64::from));
             }
         }
         Ok(visible)
+    }
+
+    /// Matches of all scales that agree with the warp.
+    fn agreeing(&self) -> Result<usize, TrackError> {
+        let warp = Carry::new(&self.ssm)?;
+        let limit = self.estimator.params.est_thresh;
+        let points = self.extractor.points();
+        let agrees = |(i, k): &&(usize, usize)| {
+            let u = warp.apply(&self.ssm, self.base[*i]);
+            let [x, y] = points[*k].at.map(f64::from);
+            (x - u[0]).hypot(y - u[1]) <= limit
+        };
+        Ok(self.near.iter().filter(agrees).count())
     }
 
     /// Puts the template's key points into the base of the warp.
@@ -263,14 +314,13 @@ impl<S: StateSpaceModel> Tracker for FeatureTracker<S> {
     fn update(&mut self, frame: &Frame) -> Result<Update, TrackError> {
         let mut found = Err(TrackError::NotInitialised);
         if self.tracking && self.params.feat_margin > 0.0 {
-            let corners = self.ssm.corners();
-            let side = |i: usize| {
-                let (a, b) = (corners.0[i], corners.0[(i + 1) % 4]);
-                (b[0] - a[0]).hypot(b[1] - a[1])
-            };
-            let longest = (0..4).map(side).fold(0.0, f64::max);
-            let window = Region::around(&corners.0, self.params.feat_margin * longest);
+            let window = self.window();
             found = self.locate(frame, Some(window));
+            if found.is_ok_and(|d| !window.holds(&d.corners.0, frame)) {
+                // Seen in part only.
+                let better = self.locate(frame, Some(self.window()));
+                found = better.or(found);
+            }
         }
         if found.is_err() {
             found = self.locate(frame, None);

@@ -1,5 +1,6 @@
 //! A grid of small trackers of any kind, and one warp fitted to where they go.
 
+use super::line::Lines;
 use super::nodes::{NodeParams, Nodes};
 use crate::estimate::EstimatorParams;
 use crate::geom::Corners;
@@ -46,7 +47,11 @@ pub struct Grid<S> {
     back: Box<dyn Tracker>,
     previous: Option<Frame>,
     found: Vec<Option<[f64; 2]>>,
+    /// Members that the next frame starts from their node, whatever the way of reset.
+    lost: Vec<bool>,
     misses: Vec<f64>,
+    /// Holds rows and columns straight.
+    lines: Option<Lines>,
 }
 
 impl<S: StateSpaceModel> Grid<S> {
@@ -58,6 +63,17 @@ impl<S: StateSpaceModel> Grid<S> {
         ssm: S,
         member: impl Fn() -> Result<Box<dyn Tracker>, E>,
     ) -> Result<Self, E> {
+        Self::with_lines(nodes, params, estimator, ssm, None, member)
+    }
+
+    pub(super) fn with_lines<E>(
+        nodes: NodeParams,
+        params: PatchParams,
+        estimator: EstimatorParams,
+        ssm: S,
+        lines: Option<Lines>,
+        member: impl Fn() -> Result<Box<dyn Tracker>, E>,
+    ) -> Result<Self, E> {
         let members = (0..nodes.size.len()).map(|_| member());
         Ok(Grid {
             params,
@@ -66,7 +82,9 @@ impl<S: StateSpaceModel> Grid<S> {
             nodes: Nodes::new(nodes, estimator, ssm),
             previous: None,
             found: Vec::new(),
+            lost: Vec::new(),
             misses: Vec::new(),
+            lines,
         })
     }
 
@@ -111,10 +129,9 @@ impl<S: StateSpaceModel> Grid<S> {
     /// Makes the members ready for the next frame.
     fn reset(&mut self, frame: &Frame) {
         for i in 0..self.members.len() {
-            let lost = self.found[i].is_none();
             // A member that cannot start here is not found in the next frame; others stand in for it.
             let _ = match self.params.grid_reset {
-                GridReset::Never if !lost => Ok(()),
+                GridReset::Never if !self.lost[i] => Ok(()),
                 GridReset::Reinit => {
                     let patch = self.patch(i, false);
                     self.members[i].init(frame, &patch)
@@ -153,6 +170,7 @@ impl<S: StateSpaceModel> Grid<S> {
 impl<S: StateSpaceModel> Tracker for Grid<S> {
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         self.nodes.init(corners)?;
+        self.previous = None;
         let mut started = 0;
         for i in 0..self.members.len() {
             let patch = self.patch(i, false);
@@ -191,6 +209,11 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
             }
             self.nodes.check_back(&self.misses, &mut self.found);
         }
+        self.lost.clear();
+        self.lost.extend(self.found.iter().map(Option::is_none));
+        if let Some(lines) = &mut self.lines {
+            lines.straighten(self.nodes.now(), &mut self.found, &mut self.lost);
+        }
         let fitted = self.nodes.fit(&self.found, frame);
         self.reset(frame);
         fitted?;
@@ -205,10 +228,8 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
         self.nodes.set_region(corners)?;
         let frame = self.previous.clone().ok_or(TrackError::NotInitialised)?;
-        if self.params.grid_reset == GridReset::Never {
-            self.found.clear();
-            self.found.resize(self.members.len(), None);
-        }
+        self.lost.clear();
+        self.lost.resize(self.members.len(), true);
         self.reset(&frame);
         Ok(())
     }

@@ -58,14 +58,15 @@ pub(super) trait Recall: Tracker {
     fn step_with_recall(&mut self, frame: &Frame) -> Result<Update, TrackError> {
         let (mut result, doubt) = self.step(frame);
         let kept = std::mem::take(&mut self.history().frames);
-        if doubt && let Some((first, corners)) = kept.front() {
-            if self.restart(first, corners).is_ok() {
-                for (frame, _) in kept.iter().skip(1) {
-                    // What matters is where the members stand in the end.
-                    let _ = self.step(frame);
-                }
-                result = self.step(frame).0;
+        if doubt
+            && let Some((first, corners)) = kept.front()
+            && self.restart(first, corners).is_ok()
+        {
+            for (frame, _) in kept.iter().skip(1) {
+                // What matters is where the members stand in the end.
+                let _ = self.step(frame);
             }
+            result = self.step(frame).0;
         }
         self.history().frames = kept;
         if let Ok(update) = &result {

@@ -9,6 +9,7 @@ mod feature;
 mod grid;
 mod history;
 mod klt_grid;
+mod line;
 mod nodes;
 mod parallel;
 mod pyramid;
@@ -19,6 +20,7 @@ pub use cascade::{Cascade, CascadeParams};
 pub use feature::{Detection, FeatureParams, FeatureTracker};
 pub use grid::{Grid, GridReset, PatchParams};
 pub use klt_grid::KltGrid;
+pub use line::{LineParams, LineTracker};
 pub use nodes::NodeParams;
 pub use parallel::{Parallel, ParallelEstimate, ParallelParams};
 pub use pyramid::{Pyramid, PyramidParams};
@@ -150,6 +152,24 @@ pub const COMPOSITES: &[CompositeEntry] = &[
             Ok(Box::new(KltGrid::new(nodes, klt, estimator, warp.ssm.build())))
         },
     ),
+    CompositeEntry::of::<(LineParams, GridSettings)>(
+        "line",
+        &[],
+        "a grid whose rows and columns are held straight",
+        1..=1,
+        |p, members| {
+            let (lines, (patches, (nodes, (estimator, warp)))): (LineParams, GridSettings) = params(p)?;
+            let member = || members[0].plain();
+            Ok(Box::new(LineTracker::new(
+                nodes,
+                patches,
+                lines,
+                estimator,
+                warp.ssm.build(),
+                member,
+            )?))
+        },
+    ),
     CompositeEntry::of::<(FeatureParams, (MatchParams, (EstimatorParams, WarpParams)))>(
         "feature",
         &["feat"],
@@ -253,13 +273,14 @@ pub struct ShortEntry {
 impl ShortEntry {
     const fn new(
         name: &'static str,
+        aliases: &'static [&'static str],
         groups: &'static [&'static str],
         summary: &'static str,
         template: &'static str,
     ) -> Self {
         ShortEntry {
             name,
-            aliases: &[],
+            aliases,
             groups,
             summary,
             template,
@@ -283,24 +304,128 @@ impl ShortEntry {
     }
 }
 
+/// Patches of the named appearance model around the nodes of a grid, over two levels of the pyramid.
+macro_rules! patches {
+    ($estimator:literal) => {
+        concat!(
+            "grid(pyramid(fclk/{am}/translation{res=25x25}); ssm={ssm}, patch_size=40, estimator=",
+            $estimator,
+            ")"
+        )
+    };
+}
+
+/// A flow grid in front of a search method.
+macro_rules! flow {
+    ($sm:literal) => {
+        concat!("cascade(flow{ssm={ssm},estimator=lmeds}, ", $sm, "/{lit}/{ssm})")
+    };
+}
+
+/// One search method after another.
+macro_rules! after {
+    ($first:literal, $then:literal) => {
+        concat!("cascade(", $first, "/{am}/{ssm}, ", $then, "/{lit}/{ssm})")
+    };
+}
+
 /// Every short name.
 pub const SHORT: &[ShortEntry] = &[
     ShortEntry::new(
-        "pyfc",
-        &["composite"],
-        "pyramid of FCLK",
-        "pyramid(fclk/{lit}/{ssm})",
+        "lms",
+        &[],
+        ROBUST,
+        "grid of patches, least median of squares",
+        patches!("lmeds"),
+    ),
+    ShortEntry::new(
+        "ransac",
+        &["rnsc"],
+        ROBUST,
+        "grid of patches, sampling consensus",
+        patches!("ransac"),
+    ),
+    ShortEntry::new(
+        "rklt",
+        &["rkl"],
+        COMPOSITE,
+        "flow grid with RANSAC, corrected by ICLK on a template",
+        "rklt(flow{ssm={ssm}}, iclk/{lit}/{ssm})",
+    ),
+    ShortEntry::new(
+        "lmes",
+        &[],
+        COMPOSITE,
+        "flow grid with LMedS, corrected by ESM on a template",
+        "rklt(flow{ssm={ssm},estimator=lmeds}, esm/{lit}/{ssm})",
+    ),
+    ShortEntry::new("gric", &[], COMPOSITE, "flow grid, then ICLK", flow!("iclk")),
+    ShortEntry::new("grfc", &[], COMPOSITE, "flow grid, then FCLK", flow!("fclk")),
+    ShortEntry::new("gres", &[], COMPOSITE, "flow grid, then ESM", flow!("esm")),
+    ShortEntry::new(
+        "nnic",
+        &[],
+        COMPOSITE,
+        "nearest neighbour, then ICLK",
+        after!("nn", "iclk"),
+    ),
+    ShortEntry::new(
+        "nnfc",
+        &[],
+        COMPOSITE,
+        "nearest neighbour, then FCLK",
+        after!("nn", "fclk"),
+    ),
+    ShortEntry::new(
+        "nnes",
+        &[],
+        COMPOSITE,
+        "nearest neighbour, then ESM",
+        after!("nn", "esm"),
+    ),
+    ShortEntry::new(
+        "pfic",
+        &[],
+        COMPOSITE,
+        "particle filter, then ICLK",
+        after!("pf", "iclk"),
+    ),
+    ShortEntry::new(
+        "pffc",
+        &[],
+        COMPOSITE,
+        "particle filter, then FCLK",
+        after!("pf", "fclk"),
+    ),
+    ShortEntry::new(
+        "pfes",
+        &[],
+        COMPOSITE,
+        "particle filter, then ESM",
+        after!("pf", "esm"),
     ),
     ShortEntry::new(
         "pyic",
-        &["composite"],
+        &["pyr"],
+        COMPOSITE,
         "pyramid of ICLK",
         "pyramid(iclk/{lit}/{ssm})",
     ),
     ShortEntry::new(
+        "pyfc",
+        &[],
+        COMPOSITE,
+        "pyramid of FCLK",
+        "pyramid(fclk/{lit}/{ssm})",
+    ),
+    ShortEntry::new(
         "pyes",
-        &["composite"],
+        &[],
+        COMPOSITE,
         "pyramid of ESM",
         "pyramid(esm/{lit}/{ssm})",
     ),
 ];
+
+const ROBUST: &[&str] = &["robust", "composite"];
+const COMPOSITE: &[&str] = &["composite"];

@@ -39,6 +39,9 @@ pub(super) struct Nodes<S> {
     inliers: Vec<bool>,
     from: Vec<[f64; 2]>,
     to: Vec<[f64; 2]>,
+    /// State and inliers to go back to.
+    before: Vec<f64>,
+    saved: (Vec<f64>, Vec<bool>),
     /// From the base to the present state, where corners tell all.
     matrix: Mat3,
 }
@@ -55,6 +58,8 @@ impl<S: StateSpaceModel> Nodes<S> {
             inliers: Vec::new(),
             from: Vec::new(),
             to: Vec::new(),
+            before: Vec::new(),
+            saved: (Vec::new(), Vec::new()),
             matrix: Mat3::identity(),
         }
     }
@@ -198,11 +203,12 @@ impl<S: StateSpaceModel> Nodes<S> {
         if self.from.len() < self.ssm.capabilities().min_points {
             return Err(TrackError::Degenerate("too few points were found"));
         }
-        let before: Vec<f64> = self.ssm.state().to_vec();
+        self.before.clear();
+        self.before.extend_from_slice(self.ssm.state());
         self.ssm.estimate(&mut self.estimator, &self.from, &self.to)?;
         let huge = self.ssm.corners().signed_area().abs() > 4.0 * (frame.width() * frame.height()) as f64;
         if huge || self.follow().is_err() {
-            self.ssm.set_state(&before)?;
+            self.ssm.set_state(&self.before)?;
             self.follow()?;
             return Err(TrackError::Degenerate("region is more than four times the image"));
         }
@@ -211,6 +217,20 @@ impl<S: StateSpaceModel> Nodes<S> {
             *inlier = f.is_some() && agreed.next().copied().unwrap_or(false);
         }
         Ok(())
+    }
+
+    /// Remembers the present fit.
+    pub fn save(&mut self) {
+        self.saved.0.clear();
+        self.saved.0.extend_from_slice(self.ssm.state());
+        self.saved.1.clone_from(&self.inliers);
+    }
+
+    /// Goes back to the fit that was remembered.
+    pub fn restore(&mut self) -> Result<(), TrackError> {
+        self.ssm.set_state(&self.saved.0)?;
+        self.inliers.copy_from_slice(&self.saved.1);
+        self.follow()
     }
 
     pub fn memory(&self) -> usize {

@@ -14,7 +14,7 @@ crate::params! {
         /// Compare the two answers.
         rkl_failure_detection: bool = true;
         /// Root of the summed squared corner distances beyond which the template has failed, px.
-        rkl_failure_thresh: f64 = 15.0, in 0.0..=1e4;
+        rkl_failure_thresh: f64 = 40.0, in 0.0..=1e4;
     }
 }
 

@@ -112,7 +112,7 @@ pub fn illumination(
         tolerance,
     };
     Ok(vec![
-        check("df/d[p, a]", relative(gradient.zip(numeric)), 5e-6),
+        check("df/d[p, a]", relative(gradient.zip(numeric)), 2e-5),
         check(
             "Hessian in [p, a]",
             relative_matrix(&hessian, &numeric_hessian),

@@ -287,6 +287,11 @@ fn track_window(context: &Context<'_>, sequence: &Sequence, active: &mut Active<
             if ready.index == start {
                 return initialise(tracker.as_mut(), sequence, ready);
             }
+            if tracker.needs_truth()
+                && let Some(truth) = sequence.truth(ready.index)
+            {
+                tracker.tell_truth(&truth);
+            }
             let begin = Instant::now();
             let mut row = step(tracker.as_mut(), &ready.frame);
             seconds = begin.elapsed().as_secs_f64();
@@ -324,6 +329,14 @@ fn initialise(tracker: &mut dyn Tracker, sequence: &Sequence, ready: &Ready) -> 
     let truth = sequence
         .truth(ready.index)
         .ok_or_else(|| format!("no ground truth in frame {} to start from", ready.index))?;
+    if tracker.needs_truth()
+        && let Some(i) = (ready.index..sequence.len()).find(|&i| sequence.truth(i).is_none())
+    {
+        return Err(format!(
+            "the tracker is for analysis and needs ground truth in every frame; {} has none",
+            sequence.frame_name(i)
+        ));
+    }
     tracker
         .init(&ready.frame, &truth)
         .map_err(|e| format!("cannot start on {}: {e}", sequence.frame_name(ready.index)))?;

@@ -3,6 +3,7 @@
 
 pub mod aggregate;
 pub mod baseline;
+pub mod basin;
 pub mod error;
 pub mod framelog;
 pub mod gate;

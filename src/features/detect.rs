@@ -1,5 +1,7 @@
 //! Local maxima of the corner response, spread evenly.
 
+use crate::kernels;
+
 /// A corner of one image, px of that image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Corner {
@@ -21,6 +23,7 @@ const MEAN_PER_CELL: f64 = 2.0;
 pub(super) struct Picker {
     cells: Vec<([(f32, u32); PER_CELL], usize)>,
     rank: Vec<(f32, u32)>,
+    peaks: Vec<u32>,
 }
 
 impl Picker {
@@ -49,22 +52,16 @@ impl Picker {
             cols * (height - 2 * margin).div_ceil(side),
             ([(0.0, 0); PER_CELL], 0),
         );
+        self.peaks.resize(width, 0);
         for y in margin..height - margin {
             let line = |y: usize| &response[y * width..(y + 1) * width];
-            let (above, here, below) = (line(y - 1), line(y), line(y + 1));
-            for x in margin..width - margin {
-                let v = here[x];
+            let rows = [line(y - 1), line(y), line(y + 1)];
+            let n = kernels::row_peaks(rows, margin..width - margin, least, &mut self.peaks);
+            for &x in &self.peaks[..n] {
+                let (x, v) = (x as usize, rows[1][x as usize]);
                 // Of equal neighbours the first counts.
-                let peak = v > least
-                    && v >= here[x + 1]
-                    && v > here[x - 1]
-                    && v >= below[x]
-                    && v > above[x]
-                    && v >= below[x + 1]
-                    && v >= below[x - 1]
-                    && v > above[x - 1]
-                    && v > above[x + 1];
-                if peak && wanted(x, y) {
+                let first = v > rows[1][x - 1] && rows[0][x - 1..x + 2].iter().all(|a| v > *a);
+                if first && wanted(x, y) {
                     let cell = (y - margin) / side * cols + (x - margin) / side;
                     insert(&mut self.cells[cell], (v, (y * width + x) as u32));
                 }

@@ -67,6 +67,16 @@ impl Region {
         }
     }
 
+    /// Whether this part of the frame holds the points, those outside the frame moved to its border.
+    pub fn holds(&self, points: &[[f64; 2]], frame: &Frame) -> bool {
+        let whole = Region::whole(frame);
+        points.iter().all(|p| {
+            let x = p[0].clamp(whole.x0, whole.x1);
+            let y = p[1].clamp(whole.y0, whole.y1);
+            self.contains(x, y)
+        })
+    }
+
     fn contains(&self, x: f64, y: f64) -> bool {
         x >= self.x0 && x <= self.x1 && y >= self.y0 && y <= self.y1
     }

@@ -185,14 +185,15 @@ mod tests {
                 }
             })
             .collect();
-        let mut m = Matcher::default();
-        m.matches = (0..200)
-            .map(|i| Match {
-                first: i,
-                second: i,
-                distance: 0,
-            })
-            .collect();
+        let matches = (0..200).map(|i| Match {
+            first: i,
+            second: i,
+            distance: 0,
+        });
+        let mut m = Matcher {
+            matches: matches.collect(),
+            ..Matcher::default()
+        };
         m.vote(&first, &second);
         let good = m.matches().iter().filter(|m| m.first % 4 == 0).count();
         assert_eq!(good, 50);

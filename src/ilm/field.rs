@@ -72,21 +72,36 @@ impl<B: GainBasis> GainField<B> {
 
     /// Takes `next` as the state, if it is one.
     fn accept(&mut self) -> Result<(), TrackError> {
-        let gains = self.gains.len();
-        let sound = |a: &f64| 1.0 + a >= MIN_GAIN;
-        if !self.next.iter().all(|a| a.is_finite()) || !self.next[..gains].iter().all(sound) {
-            return Err(TrackError::Illumination("gain too small"));
+        std::mem::swap(&mut self.state, &mut self.next);
+        self.compute_fields();
+        let least = self.gain.iter().copied().fold(f32::INFINITY, f32::min);
+        if self.state.iter().all(|a| a.is_finite()) && f64::from(least) >= MIN_GAIN {
+            return Ok(());
         }
-        self.state.copy_from_slice(&self.next);
+        std::mem::swap(&mut self.state, &mut self.next);
+        self.compute_fields();
+        Err(TrackError::Illumination("gain too small"))
+    }
+
+    fn compute_fields(&mut self) {
         self.gain.fill(1.0);
         self.bias.fill(0.0);
-        for (w, a) in self.gains.iter().zip(&self.state) {
+        let (a, b) = self.state.split_at(self.gains.len());
+        for (w, a) in self.gains.iter().zip(a) {
             kernels::accumulate(w, *a as f32, &mut self.gain);
         }
-        for (v, b) in self.biases.iter().zip(&self.state[gains..]) {
+        for (v, b) in self.biases.iter().zip(b) {
             kernels::accumulate(v, *b as f32, &mut self.bias);
         }
-        Ok(())
+    }
+}
+
+/// Leaves the combinations of fields whose coefficients add up to zero: the field in the middle gets minus the sum of the
+/// others'.
+fn hold_mean(fields: &mut Vec<Vec<f32>>) {
+    let middle = fields.remove(fields.len() / 2);
+    for field in fields {
+        kernels::add_scaled(-1.0, &middle, field);
     }
 }
 
@@ -104,10 +119,8 @@ impl<B: GainBasis> IlluminationModel for GainField<B> {
         let local = self.basis.local_biases();
         self.biases = if local { self.gains.clone() } else { whole };
         if relative {
-            // The region in the middle is what the others are measured against.
-            let middle = self.gains.len() / 2;
-            self.gains.remove(middle);
-            self.biases.remove(if local { middle } else { 0 });
+            hold_mean(&mut self.gains);
+            hold_mean(&mut self.biases);
         }
         self.gain = vec![1.0; shape.res.len()];
         self.bias = vec![0.0; shape.res.len()];

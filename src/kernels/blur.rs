@@ -117,25 +117,28 @@ fn filter_line<L: Lanes, const N: usize>(line: &[f32], taps: &[L; N], out: &mut 
     }
 }
 
+/// `sum_k taps[k] rows[k][x..]`. A function: closures over lanes are compiled without the wide instructions.
+#[inline(always)]
+fn weighted_at<L: Lanes, const N: usize>(rows: &[&[f32]; N], taps: &[L; N], x: usize) -> L {
+    let mut sum = L::load(&rows[0][x..x + WIDTH]).mul(taps[0]);
+    for k in 1..N {
+        sum = L::load(&rows[k][x..x + WIDTH]).mul_add(taps[k], sum);
+    }
+    sum
+}
+
 /// `out[x] = sum_k taps[k] rows[k][x]`; rows are whole numbers of lanes, `out.len()` rounded up.
 #[inline(always)]
 fn combine_rows<L: Lanes, const N: usize>(rows: [&[f32]; N], taps: &[L; N], out: &mut [f32]) {
     let rows = rows.map(|row| &row[..out.len().next_multiple_of(WIDTH)]);
-    let sum_at = |x: usize| {
-        let mut sum = L::load(&rows[0][x..x + WIDTH]).mul(taps[0]);
-        for k in 1..N {
-            sum = L::load(&rows[k][x..x + WIDTH]).mul_add(taps[k], sum);
-        }
-        sum
-    };
     let whole = out.len() - out.len() % WIDTH;
     let mut x = 0;
     while x < whole {
-        sum_at(x).store(&mut out[x..x + WIDTH]);
+        weighted_at(&rows, taps, x).store(&mut out[x..x + WIDTH]);
         x += WIDTH;
     }
     if x < out.len() {
-        sum_at(x).store_partial(&mut out[x..]);
+        weighted_at(&rows, taps, x).store_partial(&mut out[x..]);
     }
 }
 

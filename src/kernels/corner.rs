@@ -21,9 +21,33 @@ dispatch! {
     pub fn corner_response(
         plane: &[f32], width: usize, height: usize, stride: usize, out: &mut [f32], scratch: &mut [f32],
     ) = response_lanes;
+    /// Columns within `range` where the middle one of three rows is greater than `least` and no smaller than its eight
+    /// neighbours, into `out` in ascending order; returns how many. The range leaves out the first and the last column, and
+    /// `out` is as long as it.
+    pub fn row_peaks(rows: [&[f32]; 3], range: std::ops::Range<usize>, least: f32, out: &mut [u32]) -> usize = peaks_lanes;
     /// First moments `(Σ x I, Σ y I)` of the disc of radius 15 around pixel `(x, y)`, relative to it. The disc, and one
     /// column to the left of it, lie inside the plane.
     pub fn centroid(plane: &[f32], stride: usize, x: usize, y: usize) -> [f64; 2] = centroid_lanes;
+}
+
+/// `(a + e + 4 (b + d) + 6 c) / 16`.
+#[inline(always)]
+fn binomial<V: Lanes>(a: V, b: V, c: V, d: V, e: V) -> V {
+    let sum = b.add(d).mul_add(V::splat(4.0), a.add(e));
+    c.mul_add(V::splat(6.0), sum).mul(V::splat(1.0 / 16.0))
+}
+
+/// The same along a line, for its first eight places.
+#[inline(always)]
+fn along<V: Lanes>(line: &[f32]) -> V {
+    let line = &line[..WIDTH + TAPS - 1];
+    binomial(
+        V::load(&line[..WIDTH]),
+        V::load(&line[1..1 + WIDTH]),
+        V::load(&line[2..2 + WIDTH]),
+        V::load(&line[3..3 + WIDTH]),
+        V::load(&line[4..4 + WIDTH]),
+    )
 }
 
 #[inline(always)]
@@ -40,11 +64,7 @@ fn response_lanes<V: Lanes>(
     ring.fill(0.0);
     lines.fill(0.0);
     let across = padded + TAPS - 1;
-    let [half, six, four, norm] = [0.5, 6.0, 4.0, 1.0 / 16.0].map(V::splat);
-    let binomial = |a: V, b: V, c: V, d: V, e: V| {
-        let sum = b.add(d).mul_add(four, a.add(e));
-        c.mul_add(six, sum).mul(norm)
-    };
+    let half = V::splat(0.5);
     let mut done = 0;
     for y in 0..height {
         while done < height.min(y + TAPS / 2 + 1) {
@@ -89,8 +109,15 @@ fn response_lanes<V: Lanes>(
             let (a, b, c, d, e) = (row(0), row(1), row(2), row(3), row(4));
             let mut x = 0;
             while x < padded {
-                let at = |r: &[f32]| V::load(&r[x..x + WIDTH]);
-                binomial(at(a), at(b), at(c), at(d), at(e)).store(&mut line[2 + x..2 + x + WIDTH]);
+                let at = x..x + WIDTH;
+                binomial(
+                    V::load(&a[at.clone()]),
+                    V::load(&b[at.clone()]),
+                    V::load(&c[at.clone()]),
+                    V::load(&d[at.clone()]),
+                    V::load(&e[at]),
+                )
+                .store(&mut line[2 + x..2 + x + WIDTH]);
                 x += WIDTH;
             }
             for i in 1..=2 {
@@ -101,18 +128,61 @@ fn response_lanes<V: Lanes>(
         let out = &mut out[y * width..(y + 1) * width];
         let mut x = 0;
         while x < width {
-            let sum = |product: usize| {
-                let line = &lines[product * across + x..][..WIDTH + TAPS - 1];
-                let at = |k: usize| V::load(&line[k..k + WIDTH]);
-                binomial(at(0), at(1), at(2), at(3), at(4))
-            };
-            let (xx, xy, yy) = (sum(0), sum(1), sum(2));
+            let xx = along::<V>(&lines[x..]);
+            let xy = along::<V>(&lines[across + x..]);
+            let yy = along::<V>(&lines[2 * across + x..]);
             let (mean, diff) = (xx.add(yy).mul(half), xx.sub(yy).mul(half));
             let root = diff.mul_add(diff, xy.mul(xy)).sqrt();
             mean.sub(root).store_at(out, x);
             x += WIDTH;
         }
     }
+}
+
+/// The greater lanes of `s` from `x - 1`, `x` and `x + 1` on.
+#[inline(always)]
+fn greatest<V: Lanes>(s: &[f32], x: usize) -> V {
+    let s = &s[x - 1..x + 1 + WIDTH];
+    V::load(&s[..WIDTH])
+        .max(V::load(&s[1..1 + WIDTH]))
+        .max(V::load(&s[2..2 + WIDTH]))
+}
+
+#[inline(always)]
+fn peaks_lanes<V: Lanes>(
+    rows: [&[f32]; 3],
+    range: std::ops::Range<usize>,
+    least: f32,
+    out: &mut [u32],
+) -> usize {
+    let [above, here, below] = rows;
+    let width = here.len();
+    let mut n = 0;
+    let mut keep = |x: usize| {
+        let v = here[x];
+        let around = [above, here, below];
+        if v > least && around.iter().all(|r| r[x - 1..x + 2].iter().all(|a| v >= *a)) {
+            out[n] = x as u32;
+            n += 1;
+        }
+    };
+    let (low, high) = (V::splat(f32::NEG_INFINITY), V::splat(-f32::MIN_POSITIVE));
+    let mut x = range.start;
+    while x < range.end {
+        let end = (x + WIDTH).min(range.end);
+        // Most groups have no peak: all of them below a neighbour or the least value.
+        let none = x + WIDTH < width && {
+            let beside = V::load(&here[x - 1..x - 1 + WIDTH]).max(V::load(&here[x + 1..x + 1 + WIDTH]));
+            let rival = greatest::<V>(above, x).max(greatest::<V>(below, x)).max(beside);
+            let excess = V::load(&here[x..x + WIDTH]).sub(rival.max(V::splat(least)));
+            excess.all_within(low, high)
+        };
+        if !none {
+            (x..end).for_each(&mut keep);
+        }
+        x = end;
+    }
+    n
 }
 
 /// Half widths of the disc's rows.
@@ -216,6 +286,34 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn peaks_are_no_smaller_than_their_neighbours() {
+        let (w, h) = (83, 20);
+        let plane: Vec<f32> = noise(w * h).iter().map(|v| (v / 10.0).floor()).collect();
+        let mut total = 0;
+        for y in 1..h - 1 {
+            let line = |y: usize| &plane[y * w..(y + 1) * w];
+            let rows = [line(y - 1), line(y), line(y + 1)];
+            for range in [1..w - 1, 7..61, 5..6] {
+                let (mut out, mut portable) = (vec![0; w], vec![0; w]);
+                let n = row_peaks(rows, range.clone(), 12.0, &mut out);
+                assert_eq!(
+                    n,
+                    peaks_lanes::<Portable>(rows, range.clone(), 12.0, &mut portable)
+                );
+                assert_eq!(out, portable);
+                let peak = |x: &usize| {
+                    let v = rows[1][*x];
+                    v > 12.0 && rows.iter().all(|r| (x - 1..x + 2).all(|i| v >= r[i]))
+                };
+                let want: Vec<u32> = range.filter(peak).map(|x| x as u32).collect();
+                assert_eq!(out[..n], want);
+                total += n;
+            }
+        }
+        assert!(total > 50, "{total}");
     }
 
     #[test]

@@ -43,31 +43,40 @@ fn filter_lanes<V: Lanes>(x: &[f32], cols: usize, taps: &[f32], pass: Pass, out:
     if (if along_rows { cols } else { rows }) < taps.len() {
         return;
     }
-    // `inner` are the points whose whole support lies in the patch, `shifted` their neighbours under one tap.
+    let step = if along_rows { 1 } else { cols };
+    if !adjoint {
+        // One stretch over all rows: what reaches across the left and right border is put out afterwards.
+        let n = x.len() - 2 * r * step;
+        let inner = &mut out[r * step..][..n];
+        for i in (0..n).step_by(WIDTH) {
+            let mut acc = V::splat(0.0);
+            for (k, &tap) in taps.iter().enumerate() {
+                acc = V::splat(tap).mul_add(V::load_at(&x[k * step..][..n], i), acc);
+            }
+            acc.store_at(inner, i);
+        }
+        if along_rows {
+            for row in out.chunks_exact_mut(cols) {
+                row[..r].fill(0.0);
+                row[cols - r..].fill(0.0);
+            }
+        }
+        return;
+    }
+    // Points whose whole support lies in the patch spread over it.
     if along_rows {
         let n = cols - 2 * r;
         for y in 0..rows {
             for (k, &tap) in taps.iter().enumerate() {
-                let (inner, shifted) = (y * cols + r, y * cols + k);
-                let (from, to) = if adjoint {
-                    (inner, shifted)
-                } else {
-                    (shifted, inner)
-                };
+                let (from, to) = (y * cols + r, y * cols + k);
                 add_scaled(V::splat(tap), &x[from..from + n], &mut out[to..to + n]);
             }
         }
     } else {
-        for y in r..rows - r {
-            for (k, &tap) in taps.iter().enumerate() {
-                let (inner, shifted) = (y * cols, (y + k - r) * cols);
-                let (from, to) = if adjoint {
-                    (inner, shifted)
-                } else {
-                    (shifted, inner)
-                };
-                add_scaled(V::splat(tap), &x[from..from + cols], &mut out[to..to + cols]);
-            }
+        let n = x.len() - 2 * r * cols;
+        for (k, &tap) in taps.iter().enumerate() {
+            let (from, to) = (r * cols, k * cols);
+            add_scaled(V::splat(tap), &x[from..from + n], &mut out[to..to + n]);
         }
     }
 }
@@ -121,11 +130,12 @@ mod tests {
             for (pass, adjoint, step, length) in [
                 (Pass::Rows, Pass::RowsAdjoint, 1, cols), (Pass::Columns, Pass::ColumnsAdjoint, cols, rows),
             ] {
+                let along_rows = pass == Pass::Rows;
                 filter_pass(&x, cols, &taps, pass, &mut out);
                 filter_lanes::<Portable>(&x, cols, &taps, pass, &mut portable);
                 prop_assert_eq!(&out, &portable);
                 for i in 0..n {
-                    let at = if step == 1 { i % cols } else { i / cols };
+                    let at = if along_rows { i % cols } else { i / cols };
                     let inside = at >= r && at + r < length;
                     let exact: f64 = if inside {
                         (0..2 * r + 1).map(|k| f64::from(taps[k]) * f64::from(x[i + k * step - r * step])).sum()

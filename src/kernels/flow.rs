@@ -1,7 +1,8 @@
 //! Windows of sparse optical flow: bilinear values at one common fraction of a pixel, Scharr gradients, and the
 //! products that a Lucas-Kanade step needs.
 
-use super::{Lanes, WIDTH, dispatch};
+use super::sample::sample_lanes;
+use super::{Border, Grid2, Lanes, WIDTH, dispatch};
 
 /// One plane of an image and a window's place in it.
 #[derive(Clone, Copy, Debug)]
@@ -92,6 +93,9 @@ pub struct FlowWindow {
     gy: Vec<f32>,
     /// Values one sample beyond the window on every side.
     wide: Vec<f32>,
+    /// Places of a row of those in the image.
+    x: Vec<f32>,
+    y: Vec<f32>,
 }
 
 impl FlowWindow {
@@ -104,6 +108,8 @@ impl FlowWindow {
             gx: vec![0.0; n],
             gy: vec![0.0; n],
             wide: vec![0.0; (padded(side) + WIDTH) * (side + 2)],
+            x: vec![0.0; padded(side) + WIDTH],
+            y: vec![0.0; padded(side) + WIDTH],
         }
     }
 
@@ -116,25 +122,39 @@ impl FlowWindow {
 dispatch! {
     /// Fills `window` with the bilinear values at a place and their Scharr gradient; returns the sums of `gx²`, `gx gy`, `gy²`.
     pub fn flow_window(place: Place<'_>, window: &mut FlowWindow) -> [f64; 3] = window_lanes;
+    /// The same for a window seen through an affine map: its sample `(i, j)` is at `(m0 + m1 i + m2 j, m3 + m4 i + m5 j)` px,
+    /// or the nearest place of the image.
+    pub fn flow_window_warped(image: Grid2<'_>, map: [f64; 6], window: &mut FlowWindow) -> [f64; 3] = warped_window_lanes;
     /// `(Σ d gx, Σ d gy)`, `d` the window's values less those at another place (zero outside the image).
     pub fn flow_mismatch(place: Place<'_>, window: &FlowWindow) -> [f64; 2] = mismatch_lanes;
+    /// Sums of `|a - b|`, `a`, `b`, `a²`, `a b`, `b²` over the samples inside the image, `a` the window's values and `b` those
+    /// at another place, both less the window's middle value.
+    fn flow_moments(place: Place<'_>, window: &FlowWindow) -> [f64; 6] = moments_lanes;
 }
 
-/// Mean of `|d|` over the samples inside the image, `d` as in [`flow_mismatch`]; infinite when there are none.
-pub fn flow_residual(place: Place<'_>, window: &FlowWindow) -> f64 {
-    let (n, stride) = (window.side, padded(window.side));
-    let [cols, rows] = place.valid(n, n);
-    let count = cols.len() * rows.len();
-    let mut sum = 0.0;
-    for row in rows {
-        for col in cols.clone() {
-            sum += f64::from((window.values[row * stride + col] - place.clamped(col, row)).abs());
-        }
-    }
-    if count > 0 {
-        sum / count as f64
-    } else {
-        f64::INFINITY
+/// How alike two windows are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlowMatch {
+    /// Mean absolute difference over the samples inside the image, intensity; infinite when there are none.
+    pub residual: f64,
+    /// Normalised cross-correlation over them, 0 when either window is flat.
+    pub ncc: f64,
+}
+
+/// Compares the window with the values at another place.
+pub fn flow_match(place: Place<'_>, window: &FlowWindow) -> FlowMatch {
+    let [cols, rows] = place.valid(window.side, window.side);
+    let count = (cols.len() * rows.len()) as f64;
+    let [d, a, b, aa, ab, bb] = flow_moments(place, window);
+    let (va, vb) = (aa - a * a / count, bb - b * b / count);
+    FlowMatch {
+        residual: if count > 0.0 { d / count } else { f64::INFINITY },
+        // Below a variance of a millionth, rounding is all there is.
+        ncc: if va > 1e-6 * count && vb > 1e-6 * count {
+            (ab - a * b / count) / (va * vb).sqrt()
+        } else {
+            0.0
+        },
     }
 }
 
@@ -156,22 +176,16 @@ fn bilinear<V: Lanes>(upper: &[f32], lower: &[f32], i: usize, dx: V, dy: V) -> V
 
 #[inline(always)]
 fn window_lanes<V: Lanes>(place: Place<'_>, window: &mut FlowWindow) -> [f64; 3] {
-    let FlowWindow {
-        side,
-        values,
-        gx,
-        gy,
-        wide,
-    } = window;
-    let side = *side;
-    let (cols, across) = (padded(side), padded(side) + WIDTH);
+    let side = window.side;
+    let across = padded(side) + WIDTH;
+    let wide = &mut window.wide;
     let around = Place {
         left: place.left - 1,
         top: place.top - 1,
         ..place
     };
     if around.inside(side + 2, side + 2) {
-        let [dx, dy] = place.fraction.map(V::splat);
+        let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
         for (row, out) in wide.chunks_exact_mut(across).enumerate() {
             let at = (around.top as usize + row) * place.stride + around.left as usize;
             // Past the end of a row come other pixels of the plane, or nothing that is used.
@@ -197,7 +211,54 @@ fn window_lanes<V: Lanes>(place: Place<'_>, window: &mut FlowWindow) -> [f64; 3]
             }
         }
     }
-    let [valid_cols, valid_rows] = place.valid(side, side);
+    gradient_pass::<V>(window, place.valid(side, side))
+}
+
+#[inline(always)]
+fn warped_window_lanes<V: Lanes>(image: Grid2<'_>, map: [f64; 6], window: &mut FlowWindow) -> [f64; 3] {
+    let across = padded(window.side) + WIDTH;
+    let used = padded(window.side + 2);
+    let FlowWindow { wide, x, y, .. } = window;
+    for (row, out) in wide.chunks_exact_mut(across).enumerate() {
+        let down = row as f64 - 1.0;
+        for (col, (x, y)) in x.iter_mut().zip(y.iter_mut()).enumerate().take(used) {
+            let right = col as f64 - 1.0;
+            *x = (map[0] + map[1] * right + map[2] * down) as f32;
+            *y = (map[3] + map[4] * right + map[5] * down) as f32;
+        }
+        sample_lanes::<V>(image, Border::Replicate, &x[..used], &y[..used], &mut out[..used]);
+    }
+    let all = 0..window.side;
+    gradient_pass::<V>(window, [all.clone(), all])
+}
+
+/// Eight elements from the first, the second and the third on.
+#[inline(always)]
+fn three<V: Lanes>(s: &[f32]) -> (V, V, V) {
+    let s = &s[..WIDTH + 2];
+    (
+        V::load(&s[..WIDTH]),
+        V::load(&s[1..1 + WIDTH]),
+        V::load(&s[2..2 + WIDTH]),
+    )
+}
+
+/// Values, Scharr gradient inside the given columns and rows, and its products, from the values one sample beyond.
+#[inline(always)]
+fn gradient_pass<V: Lanes>(
+    window: &mut FlowWindow,
+    [valid_cols, valid_rows]: [std::ops::Range<usize>; 2],
+) -> [f64; 3] {
+    let FlowWindow {
+        side,
+        values,
+        gx,
+        gy,
+        wide,
+        ..
+    } = window;
+    let side = *side;
+    let (cols, across) = (padded(side), padded(side) + WIDTH);
     let (smooth, middle, half) = (V::splat(3.0 / 16.0), V::splat(10.0 / 16.0), V::splat(0.5));
     let zero = V::splat(0.0);
     let (mut xx, mut xy, mut yy) = (zero, zero, zero);
@@ -214,18 +275,17 @@ fn window_lanes<V: Lanes>(place: Place<'_>, window: &mut FlowWindow) -> [f64; 3]
                 }
             }
             let mask = V::from_array(mask);
-            let at = |l: &[f32], k: usize| V::load(&l[i + k..i + k + WIDTH]);
-            let down = |k: usize| at(below, k).sub(at(above, k));
-            let column = |k: usize| {
-                at(above, k)
-                    .add(at(below, k))
-                    .mul_add(smooth, at(here, k).mul(middle))
-            };
-            let x = column(2).sub(column(0)).mul(half).mul(mask);
-            let y = down(0).add(down(2)).mul_add(smooth, down(1).mul(middle));
-            let y = y.mul(half).mul(mask);
+            // One place to the left, here, and one to the right.
+            let (a0, a1, a2) = three::<V>(&above[i..]);
+            let (b0, b1, b2) = three::<V>(&here[i..]);
+            let (c0, c1, c2) = three::<V>(&below[i..]);
+            let left = a0.add(c0).mul_add(smooth, b0.mul(middle));
+            let right = a2.add(c2).mul_add(smooth, b2.mul(middle));
+            let x = right.sub(left).mul(half).mul(mask);
+            let y = c0.sub(a0).add(c2.sub(a2));
+            let y = y.mul_add(smooth, c1.sub(a1).mul(middle)).mul(half).mul(mask);
             let o = row * cols + i;
-            at(here, 1).store(&mut values[o..o + WIDTH]);
+            b1.store(&mut values[o..o + WIDTH]);
             x.store(&mut gx[o..o + WIDTH]);
             y.store(&mut gy[o..o + WIDTH]);
             xx = x.mul_add(x, xx);
@@ -243,7 +303,7 @@ fn mismatch_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow) -> [f64; 2] {
     if !place.inside(cols, side) {
         return mismatch_at_border(place, window);
     }
-    let [dx, dy] = place.fraction.map(V::splat);
+    let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
     let (mut bx, mut by) = (V::splat(0.0), V::splat(0.0));
     for row in 0..side {
         let at = (place.top as usize + row) * place.stride + place.left as usize;
@@ -264,6 +324,57 @@ fn mismatch_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow) -> [f64; 2] {
         }
     }
     [bx.sum(), by.sum()]
+}
+
+#[inline(always)]
+fn moments_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow) -> [f64; 6] {
+    let (side, cols) = (window.side, padded(window.side));
+    let middle = window.values[side / 2 * cols + side / 2];
+    if !place.inside(cols, side) {
+        return moments_at_border(place, window, middle);
+    }
+    let (dx, dy) = (V::splat(place.fraction[0]), V::splat(place.fraction[1]));
+    let shift = V::splat(middle);
+    let mut sums = [V::splat(0.0); 6];
+    for row in 0..side {
+        let at = (place.top as usize + row) * place.stride + place.left as usize;
+        let upper = &place.data[at..at + cols + 1];
+        let lower = &place.data[at + place.stride..at + place.stride + cols + 1];
+        let values = &window.values[row * cols..(row + 1) * cols];
+        let mut i = 0;
+        while i < cols {
+            let mut mask = [0.0; WIDTH];
+            mask[..(side - i).min(WIDTH)].fill(1.0);
+            let mask = V::from_array(mask);
+            let a = V::load(&values[i..i + WIDTH]).sub(shift).mul(mask);
+            let b = bilinear(upper, lower, i, dx, dy).sub(shift).mul(mask);
+            sums[0] = sums[0].add(a.sub(b).abs());
+            sums[1] = sums[1].add(a);
+            sums[2] = sums[2].add(b);
+            sums[3] = a.mul_add(a, sums[3]);
+            sums[4] = a.mul_add(b, sums[4]);
+            sums[5] = b.mul_add(b, sums[5]);
+            i += WIDTH;
+        }
+    }
+    let [d, a, b, aa, ab, bb] = sums;
+    [d.sum(), a.sum(), b.sum(), aa.sum(), ab.sum(), bb.sum()]
+}
+
+fn moments_at_border(place: Place<'_>, window: &FlowWindow, middle: f32) -> [f64; 6] {
+    let stride = padded(window.side);
+    let [cols, rows] = place.valid(window.side, window.side);
+    let mut sums = [0.0; 6];
+    for row in rows {
+        for col in cols.clone() {
+            let a = f64::from(window.values[row * stride + col] - middle);
+            let b = f64::from(place.clamped(col, row) - middle);
+            for (sum, v) in sums.iter_mut().zip([(a - b).abs(), a, b, a * a, a * b, b * b]) {
+                *sum += v;
+            }
+        }
+    }
+    sums
 }
 
 fn mismatch_at_border(place: Place<'_>, window: &FlowWindow) -> [f64; 2] {
@@ -380,12 +491,49 @@ mod tests {
     }
 
     #[test]
+    fn windows_seen_through_a_map() {
+        let image = Image::from_fn(60, 50, |x, y| ((x * 7919 + y * 104_729) % 251) as f32);
+        let grid = Grid2::new(image.plane(0), 60, 50, image.stride());
+        let mut plain = FlowWindow::new(9);
+        let g = flow_window(place(&image, 20.25, 18.5), &mut plain);
+        let mut warped = FlowWindow::new(9);
+        let map = [20.25, 1.0, 0.0, 18.5, 0.0, 1.0];
+        let w = flow_window_warped(grid, map, &mut warped);
+        assert_eq!(w, warped_window_lanes::<Portable>(grid, map, &mut warped.clone()));
+        for k in 0..3 {
+            assert!((g[k] - w[k]).abs() < 1e-4 * (g[0] + g[2]));
+        }
+        // A quarter of a turn exchanges the axes.
+        let turned = flow_window_warped(grid, [28.25, 0.0, -1.0, 18.5, 1.0, 0.0], &mut warped);
+        for (a, b) in [(turned[0], g[2]), (turned[1], -g[1]), (turned[2], g[0])] {
+            assert!((a - b).abs() < 1e-4 * (g[0] + g[2]), "{turned:?} {g:?}");
+        }
+    }
+
+    #[test]
     fn residual_and_valid_samples() {
         let image = Image::from_fn(40, 30, |x, _| x as f32);
         let mut window = FlowWindow::new(5);
         flow_window(place(&image, 10.0, 10.0), &mut window);
-        assert!((flow_residual(place(&image, 12.5, 10.0), &window) - 2.5).abs() < 1e-5);
-        assert_eq!(flow_residual(place(&image, 80.0, 10.0), &window), f64::INFINITY);
+        let near = flow_match(place(&image, 12.5, 10.0), &window);
+        assert!(
+            (near.residual - 2.5).abs() < 1e-5 && (near.ncc - 1.0).abs() < 1e-5,
+            "{near:?}"
+        );
+        let border = flow_match(place(&image, 36.5, 10.0), &window);
+        assert!(
+            (border.residual - 26.5).abs() < 1e-5 && (border.ncc - 1.0).abs() < 1e-5,
+            "{border:?}"
+        );
+        let outside = flow_match(place(&image, 80.0, 10.0), &window);
+        assert_eq!((outside.residual, outside.ncc), (f64::INFINITY, 0.0));
+        let flat = Image::from_fn(40, 30, |_, _| 90.0);
+        assert_eq!(flow_match(place(&flat, 10.3, 10.0), &window).ncc, 0.0);
+        let moments = flow_moments(place(&image, 12.5, 10.0), &window);
+        assert_eq!(
+            moments,
+            moments_lanes::<Portable>(place(&image, 12.5, 10.0), &window)
+        );
         assert_eq!(place(&image, -2.0, 27.0).valid(5, 5), [2..5, 0..3]);
         assert_eq!(place(&image, -2.5, 27.5).valid(5, 5), [3..5, 0..2]);
     }

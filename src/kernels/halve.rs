@@ -24,6 +24,13 @@ fn binomial<V: Lanes>(a: V, b: V, c: V, d: V, e: V) -> V {
     c.mul_add(V::splat(6.0), sum).mul(V::splat(1.0 / 16.0))
 }
 
+/// Even and odd ones of the first sixteen elements.
+#[inline(always)]
+fn pairs<V: Lanes>(s: &[f32]) -> (V, V) {
+    let s = &s[..2 * WIDTH];
+    V::unzip(V::load(&s[..WIDTH]), V::load(&s[WIDTH..]))
+}
+
 #[inline(always)]
 fn halve_lanes<V: Lanes>(
     plane: &[f32],
@@ -63,9 +70,10 @@ fn halve_lanes<V: Lanes>(
         let out = &mut out[y * out_stride..y * out_stride + half];
         let mut x = 0;
         while x < half {
-            let pair = |from: usize| V::unzip(V::load(&line[from..]), V::load(&line[from + WIDTH..]));
             let from = WIDTH + 2 * x;
-            let ((a, b), (c, d), (e, _)) = (pair(from - 2), pair(from), pair(from + 2));
+            let (a, b) = pairs::<V>(&line[from - 2..]);
+            let (c, d) = pairs::<V>(&line[from..]);
+            let (e, _) = pairs::<V>(&line[from + 2..]);
             binomial(a, b, c, d, e).store_at(out, x);
             x += WIDTH;
         }

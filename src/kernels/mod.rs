@@ -24,13 +24,12 @@ mod steepest;
 pub mod stencil;
 mod tone;
 mod warp;
-mod weighted;
 
 pub use blend::{accumulate, product, row_times, scale_shift};
 pub use blocks::block_moments;
-pub use corner::{CENTROID_RADIUS, centroid, corner_response, corner_scratch_len};
+pub use corner::{CENTROID_RADIUS, centroid, corner_response, corner_scratch_len, row_peaks};
 pub use filter::{Pass, filter_pass, subtract_combination};
-pub use flow::{FlowWindow, Place, flow_mismatch, flow_residual, flow_window};
+pub use flow::{FlowMatch, FlowWindow, Place, flow_match, flow_mismatch, flow_window, flow_window_warped};
 pub use halve::{halve, halve_scratch_len};
 pub use hamming::{Bits, hamming, hamming_distances};
 #[cfg(target_arch = "x86_64")]
@@ -51,4 +50,3 @@ pub use tone::{
     Window, line_shift, line_sums, linear_shift, shifted_residual, step_shift, tone_bins, tone_sums,
 };
 pub use warp::warp_projective;
-pub use weighted::weighted_gram;

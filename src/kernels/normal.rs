@@ -51,12 +51,25 @@ impl Jacobian {
     pub fn memory(&self) -> usize {
         self.data.capacity() * size_of::<f32>()
     }
+    /// Copies `other`. Allocates only when it grows.
+    pub fn copy_from(&mut self, other: &Jacobian) {
+        self.resize(other.rows, other.cols);
+        self.data.copy_from_slice(&other.data);
+    }
     /// `self = (self + other) / 2`.
     pub fn average_with(&mut self, other: &Jacobian) {
         debug_assert_eq!((self.rows, self.cols), (other.rows, other.cols));
         for (a, b) in self.data.iter_mut().zip(&other.data) {
             *a = 0.5 * (*a + b);
         }
+    }
+}
+
+/// Same shape and same elements.
+impl PartialEq for Jacobian {
+    fn eq(&self, other: &Self) -> bool {
+        (self.rows, self.cols) == (other.rows, other.cols)
+            && (0..self.cols).all(|k| self.col(k) == other.col(k))
     }
 }
 

@@ -137,7 +137,13 @@ fn taps<V: Lanes>(image: &Grid2<'_>, x: V, y: V, smooth: bool) -> Option<([V; 2]
 }
 
 #[inline(always)]
-fn sample_lanes<V: Lanes>(image: Grid2<'_>, border: Border, x: &[f32], y: &[f32], out: &mut [f32]) -> usize {
+pub(super) fn sample_lanes<V: Lanes>(
+    image: Grid2<'_>,
+    border: Border,
+    x: &[f32],
+    y: &[f32],
+    out: &mut [f32],
+) -> usize {
     let n = x.len();
     let (y, out) = (&y[..n], &mut out[..n]);
     let mut outside = 0;

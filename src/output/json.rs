@@ -254,6 +254,8 @@ mod tests {
                   "cl_median": null,
                   "jaccard_mean": 0.5,
                   "jaccard_median": 0.5,
+                  "grid_mean": null,
+                  "grid_median": null,
                   "failures": 1
                 },
                 {
@@ -280,6 +282,8 @@ mod tests {
                   "cl_median": null,
                   "jaccard_mean": 0.5,
                   "jaccard_median": 0.5,
+                  "grid_mean": null,
+                  "grid_median": null,
                   "failures": 1
                 }
               ],
@@ -307,6 +311,8 @@ mod tests {
                   "cl_median": null,
                   "jaccard_mean": 0.5,
                   "jaccard_median": 0.5,
+                  "grid_mean": null,
+                  "grid_median": null,
                   "failures": 1
                 }
               ]

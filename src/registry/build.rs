@@ -1,6 +1,6 @@
 //! From a tracker's name to the tracker.
 
-use super::names::{find, unknown};
+use super::names::{Named, find, unknown};
 use super::parts::{Parts, own};
 use super::resolve::Settings;
 use super::spec::{Node, TrackerSpec};
@@ -133,8 +133,12 @@ impl Registry {
         let sm_params = own(&(sm.params)(), &spec.params);
         let model = (am.build)(&own(&(am.params)(), &spec.params))?;
         let light = (ilm.build)(&own(&(ilm.params)(), &spec.params))?;
-        if let Some(why) = (sm.refuses)(&sm_params, &model.capabilities()) {
-            return Err(refused(format!("{} {why}; {} needs them", am.name, sm.name)));
+        let capabilities = model.capabilities();
+        if let Some(why) = (sm.refuses)(&sm_params, &capabilities) {
+            // Other methods as they come, without this one's parameters.
+            let others = self.names_of(|e| (e.refuses)(&[], &capabilities).is_none());
+            let (am, sm) = (am.name, sm.name);
+            return Err(refused(format!("{am} {why}; {sm} needs them; try {others}")));
         }
         if let (Some(_), Some(why)) = (&light, self.refuses_ilm(sm, &*model, ilm)) {
             return Err(refused(why.replace("{am}", am.name)));
@@ -146,16 +150,18 @@ impl Registry {
             let (ssm, sm) = (ssm.name, sm.name);
             return Err(refused(format!("{ssm} {why}; {sm} needs that; try {others}")));
         }
-        Ok(match (light, sm.build_lit) {
-            (Some(light), Some(build)) => build(&sm_params, model, warp, light)?,
-            _ => (sm.build)(&sm_params, model, warp)?,
-        })
+        let built = match (light, sm.build_lit) {
+            (Some(light), Some(build)) => build(&sm_params, model, warp, light),
+            _ => (sm.build)(&sm_params, model, warp),
+        };
+        // Each parameter is one the method has; what is left is a value that does not suit these models.
+        built.map_err(|e| refused(e.to_string()))
     }
 
     /// Search methods that fulfil a condition, by name.
     fn names_of(&self, condition: impl Fn(&SmEntry) -> bool) -> String {
-        let names: Vec<&str> = self.sms.iter().filter(|e| condition(e)).map(|e| e.name).collect();
-        names.join(", ")
+        let names = self.sms.iter().filter(|e| e.listed() && condition(e));
+        names.map(|e| e.name).collect::<Vec<&str>>().join(", ")
     }
 
     /// Why an illumination model cannot be used with a search method or an appearance model (`{am}`), if it cannot.

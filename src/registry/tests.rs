@@ -60,7 +60,11 @@ fn warps_without_an_algebra_are_refused_where_it_is_needed() {
     let refused = |text: &str| r.build(&r.parse(text).unwrap()).err().map(|e| e.to_string());
     assert_eq!(
         refused("esm/ssd/spline").unwrap(),
-        "esm/ssd/spline: spline does not compose; esm needs that; try falk, ialk"
+        "esm/ssd/spline: spline does not compose; esm needs that; try falk, ialk, aesm, nn, pf"
+    );
+    assert_eq!(
+        refused("esm/sad/affine").unwrap(),
+        "esm/sad/affine: sad has no derivatives; esm needs them; try nn, pf"
     );
     assert!(
         refused("iclk/ncc/tps")
@@ -128,7 +132,7 @@ fn composites_nest_and_are_canonical() {
     let r = Registry::builtin();
     for (text, id) in [
         (
-            "CASC( fclk/ncc/2 , pyr(iclk/ssd+gb/affine{max_iters=9}; levels=4, scale_res=1) ; feedback=0)",
+            "CASC( fclk/ncc/2 , pyramid(iclk/ssd+gb/affine{max_iters=9}; levels=4, scale_res=0) ; feedback=0)",
             "cascade(fclk/ncc/translation, pyramid(iclk/ssd+gb/affine{max_iters=9}; levels=4); feedback=0)",
         ),
         (

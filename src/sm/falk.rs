@@ -18,6 +18,7 @@ impl LkMethod for FalkMethod {
     const ALIASES: &'static [&'static str] = &["fa"];
     const SUMMARY: &'static str = "forward additive Lucas-Kanade";
     const HESSIANS: &'static [Hessian] = &[Hessian::CurrentSelf, Hessian::InitialSelf, Hessian::Std];
+    const GROUPS: &'static [&'static str] = &["lk", "gradient"];
     const INCREMENT: Increment = Increment::Additive;
 
     fn new(_: NoParams) -> Self {

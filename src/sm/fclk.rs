@@ -53,6 +53,7 @@ impl LkMethod for FclkMethod {
     const ALIASES: &'static [&'static str] = &["fc"];
     const SUMMARY: &'static str = "forward compositional Lucas-Kanade";
     const HESSIANS: &'static [Hessian] = &[Hessian::CurrentSelf, Hessian::InitialSelf, Hessian::Std];
+    const GROUPS: &'static [&'static str] = &["lk", "gradient"];
     const INCREMENT: Increment = Increment::Compositional;
 
     fn new(_: NoParams) -> Self {

@@ -67,6 +67,9 @@ crate::params! {
         lm_init: f64 = 0.01, in 1e-10..=1e10;
         /// Levenberg-Marquardt: factor of the damping.
         lm_factor: f64 = 10.0, in 1.01..=1e6;
+        /// Compositional Jacobians from the image's gradient carried through the warp (1), or from differences of the warped
+        /// image (0).
+        chained_warp: bool = true;
         /// The appearance model learns from each tracked frame: auto (models that need it), 0 or 1.
         enable_learning: Learning = Learning::Auto;
     }
@@ -86,6 +89,12 @@ pub trait LkMethod: Send + Sized + 'static {
     const HESSIANS: &'static [Hessian];
     /// How its step is applied.
     const INCREMENT: Increment;
+    /// Groups that include it.
+    const GROUPS: &'static [&'static str] = &["gradient"];
+    /// Searches per frame, each until it converges.
+    const STAGES: usize = 1;
+    /// Whether it must be told the ground truth of each frame.
+    const NEEDS_TRUTH: bool = false;
 
     /// Builds it.
     fn new(extra: Self::Extra) -> Self;
@@ -93,6 +102,10 @@ pub trait LkMethod: Send + Sized + 'static {
     fn reads_gradient(hess: Hessian) -> bool;
     /// Computes what stays constant while the template and the base frame do.
     fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>);
+    /// Told which of its searches of a frame begins.
+    fn begin_stage(&mut self, _stage: usize) {}
+    /// Shown the frame with the patch and the state of the ground truth, before the search.
+    fn visit_truth<A: AppearanceModel, S: StateSpaceModel>(&mut self, _kit: &mut Kit<'_, A, S>) {}
     /// Gradient and Hessian at the current state.
     fn linearise<A: AppearanceModel, S: StateSpaceModel>(
         &mut self,
@@ -122,11 +135,13 @@ pub struct Lk<M, A, S> {
     accepted_normal: Normal,
     delta: Vec<f64>,
     accepted: Vec<f64>,
+    /// Ground truth of the frame to come, for methods that need it.
+    truth: Option<Corners>,
     started: bool,
 }
 
 /// Largest RMS misfit, px, at which `set_region` keeps the base frame.
-const KEEP_BASE: f64 = 0.5;
+pub(super) const KEEP_BASE: f64 = 0.5;
 /// Damping bounds.
 const LAMBDA: std::ops::RangeInclusive<f64> = 1e-10..=1e10;
 
@@ -158,6 +173,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
             accepted_normal: Normal::new(0),
             delta: Vec::new(),
             accepted: Vec::new(),
+            truth: None,
             started: false,
         }
     }
@@ -233,6 +249,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
             image,
             sampling: &self.sampling,
             second_order: self.params.second_order,
+            chained: self.params.chained_warp,
             template: &self.template,
             buffers,
             light: self.light.as_mut(),
@@ -364,6 +381,33 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         Ok((stop, iterations as u32))
     }
 
+    /// Shows the method the place of the ground truth.
+    fn visit_truth(&mut self, image: &Image, ws: &mut Workspace) -> Result<(), TrackError> {
+        let truth = self.truth.take().ok_or(TrackError::NoTruth)?;
+        self.ssm.fit_corners(&truth)?;
+        let seen = self.sample(image, ws, true).map(|()| {
+            let (method, mut kit, _) = self.kit(image, ws);
+            method.visit_truth(&mut kit);
+        });
+        self.ssm.set_state(&self.accepted)?;
+        seen
+    }
+
+    /// All searches of a frame.
+    fn run(&mut self, image: &Image, ws: &mut Workspace) -> Result<(Stop, u32), TrackError> {
+        if M::NEEDS_TRUTH {
+            self.visit_truth(image, ws)?;
+        }
+        let mut total = 0;
+        let mut stop = Stop::Done;
+        for stage in 0..M::STAGES {
+            self.method.begin_stage(stage);
+            let (why, iterations) = self.search(image, ws)?;
+            (stop, total) = (why, total + iterations);
+        }
+        Ok((stop, total))
+    }
+
     /// Shows the model the patch at the final location, if it is to learn.
     fn learn(&mut self, image: &Image, ws: &mut Workspace) {
         let wanted = match self.params.enable_learning {
@@ -397,7 +441,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
     }
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
@@ -439,7 +483,7 @@ impl Relaxation {
 }
 
 /// Refuses patches on which nothing can be tracked.
-fn check_template(values: &[f32]) -> Result<(), TrackError> {
+pub(super) fn check_template(values: &[f32]) -> Result<(), TrackError> {
     if values.iter().any(|v| !v.is_finite()) {
         return Err(TrackError::NotFinite("template"));
     }
@@ -479,7 +523,14 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         }
         self.masking = Mask::new(self.mask.clone());
         self.masking.start(shape, b, &self.am);
-        let r = self.ssm.radius() as f32;
+        let mut r = self.ssm.radius() as f32;
+        if self.params.second_order {
+            self.sampling.sample_hessian(image, b);
+        }
+        if !self.params.chained_warp {
+            self.sampling.sample_warped_gradient(image, &self.ssm, b);
+            r = 1.0;
+        }
         let scaled = |values: &[f32], k: f32| values.iter().map(|v| v * k).collect();
         self.template = Template {
             gx: scaled(&b.gx, r),
@@ -487,7 +538,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
             ..Template::default()
         };
         if self.params.second_order {
-            self.sampling.sample_hessian(image, b);
+            let r = self.ssm.radius() as f32;
             self.template.hessian = std::array::from_fn(|k| scaled(&b.hessian[k], r * r));
         }
         let (method, mut kit, _) = self.kit(image, &mut ws);
@@ -506,7 +557,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         self.masking.begin_frame();
         self.ssm.begin_frame();
         self.am.begin_frame();
-        match self.search(image, &mut ws) {
+        match self.run(image, &mut ws) {
             Ok((stop, iterations)) => {
                 let similarity = self.am.similarity();
                 self.learn(image, &mut ws);
@@ -551,6 +602,14 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
 
     fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
         self.ssm.place(x)
+    }
+
+    fn needs_truth(&self) -> bool {
+        M::NEEDS_TRUTH
+    }
+
+    fn tell_truth(&mut self, corners: &Corners) {
+        self.truth = Some(*corners);
     }
 
     fn channels(&self) -> usize {
@@ -616,7 +675,7 @@ pub(super) const fn entry<M: LkMethod>() -> SmEntry {
     SmEntry {
         name: M::NAME,
         aliases: M::ALIASES,
-        groups: &["lk", "gradient"],
+        groups: M::GROUPS,
         summary: M::SUMMARY,
         params: AllParams::<M>::info,
         refuses,

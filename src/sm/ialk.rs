@@ -19,6 +19,7 @@ impl LkMethod for IalkMethod {
     const ALIASES: &'static [&'static str] = &["ia"];
     const SUMMARY: &'static str = "inverse additive Lucas-Kanade";
     const HESSIANS: &'static [Hessian] = &[Hessian::InitialSelf, Hessian::Std];
+    const GROUPS: &'static [&'static str] = &["lk", "gradient"];
     const INCREMENT: Increment = Increment::Additive;
 
     fn new(_: NoParams) -> Self {

@@ -22,6 +22,7 @@ impl LkMethod for IclkMethod {
     const ALIASES: &'static [&'static str] = &["ic"];
     const SUMMARY: &'static str = "inverse compositional Lucas-Kanade, constant Jacobian and Hessian";
     const HESSIANS: &'static [Hessian] = &[Hessian::InitialSelf, Hessian::CurrentSelf, Hessian::Std];
+    const GROUPS: &'static [&'static str] = &["lk", "gradient"];
     const INCREMENT: Increment = Increment::InverseCompositional;
 
     fn new(_: NoParams) -> Self {

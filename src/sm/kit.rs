@@ -33,6 +33,7 @@ pub struct Kit<'a, A, S> {
     pub(super) image: &'a Image,
     pub(super) sampling: &'a SamplingParams,
     pub(super) second_order: bool,
+    pub(super) chained: bool,
     pub(super) template: &'a Template,
     pub(super) buffers: &'a mut Buffers,
     pub(super) light: Option<&'a mut Light>,
@@ -82,9 +83,16 @@ impl<A: AppearanceModel, S: StateSpaceModel> Kit<'_, A, S> {
     /// Computes the Jacobian of the current image gradients (or of the template's, for kinds made of those).
     pub fn compute_jacobian(&mut self, kind: JacobianKind) {
         let mut j = std::mem::take(&mut self.buffers.j);
+        let unchained = kind == JacobianKind::Warped && !self.chained;
+        if unchained {
+            self.sampling
+                .sample_warped_gradient(self.image, self.ssm, self.buffers);
+        }
         if kind.of_template() {
             self.template_jacobian(kind, &mut j);
         } else {
+            // A gradient in the base frame is one that has been carried through the warp already.
+            let kind = if unchained { JacobianKind::Template } else { kind };
             let b = &*self.buffers;
             let n = b.x.len();
             for c in 0..self.sampling.channels.count() {
@@ -97,6 +105,14 @@ impl<A: AppearanceModel, S: StateSpaceModel> Kit<'_, A, S> {
             }
         }
         self.buffers.j = j;
+        if unchained && self.second_order {
+            // Second-order terms are made of image gradients. The points have just been sampled; the patch stays what it is
+            // under the present light.
+            let b = &mut *self.buffers;
+            b.scratch.clone_from(&b.values);
+            let _ = self.sampling.sample(self.image, b, true);
+            std::mem::swap(&mut b.scratch, &mut b.values);
+        }
     }
 
     /// `out = f_side J` with the computed Jacobian and the chosen first-order Hessian of that side, plus its
@@ -118,14 +134,12 @@ impl<A: AppearanceModel, S: StateSpaceModel> Kit<'_, A, S> {
     /// `out = f_side J` alone, with the computed Jacobian.
     pub fn gradient(&mut self, side: Side, out: &mut [f64]) {
         let b = &mut *self.buffers;
-        self.am.gradient_into(side, &mut b.scratch);
-        crate::kernels::project(&b.j, &b.scratch, out);
+        self.am.project_gradient(side, &b.j, &mut b.scratch, out);
     }
 
     /// `out = f_side J` with a Jacobian of the caller's.
     pub fn gradient_with(&mut self, side: Side, j: &Jacobian, out: &mut [f64]) {
-        self.am.gradient_into(side, &mut self.buffers.scratch);
-        crate::kernels::project(j, &self.buffers.scratch, out);
+        self.am.project_gradient(side, j, &mut self.buffers.scratch, out);
     }
 
     /// Same as [`linearise`](Self::linearise) with a Jacobian of the caller's.

@@ -7,23 +7,41 @@
 mod esm;
 mod falk;
 mod fclk;
+mod fcsd;
 mod gradient;
+mod haclk;
+mod hesm;
 mod ialk;
 mod iclk;
+mod index;
 mod kit;
 mod light;
 mod mask;
+mod nn;
+mod pf;
+mod probe;
+mod regression;
+mod resample;
+mod ridge;
 mod sampling;
 mod workspace;
 
-pub use esm::{EsmMethod, EsmParams};
+pub use esm::{AesmMethod, EsmMethod, EsmParams};
 pub use falk::FalkMethod;
 pub use fclk::FclkMethod;
+pub use fcsd::{FcsdMethod, FcsdParams};
 pub use gradient::{Hessian, Learning, Lk, LkMethod, LkParams};
+pub use haclk::HaclkMethod;
+pub use hesm::{CoarseWarp, HesmMethod, HesmParams};
 pub use ialk::IalkMethod;
 pub use iclk::IclkMethod;
+pub use index::IndexKind;
 pub use kit::Kit;
 pub use mask::{MaskParams, PointRule};
+pub use nn::{Nn, NnParams};
+pub use pf::{Estimate, Likelihood, Pf, PfParams, Step};
+pub use regression::{Regression, RegressionParams};
+pub use resample::Resampling;
 pub use sampling::{BorderMode, Channels, SamplingParams};
 
 /// Forward additive Lucas-Kanade.
@@ -36,6 +54,14 @@ pub type Fclk<A, S> = Lk<FclkMethod, A, S>;
 pub type Iclk<A, S> = Lk<IclkMethod, A, S>;
 /// Efficient second-order minimisation.
 pub type Esm<A, S> = Lk<EsmMethod, A, S>;
+/// ESM with additive steps.
+pub type Aesm<A, S> = Lk<AesmMethod, A, S>;
+/// Hierarchical ESM.
+pub type Hesm<A, S> = Lk<HesmMethod, A, S>;
+/// Forward compositional steepest ascent.
+pub type Fcsd<A, S> = Lk<FcsdMethod, A, S>;
+/// FCLK with the Hessian of the ground truth.
+pub type Haclk<A, S> = Lk<HaclkMethod, A, S>;
 
 use crate::am::{AppearanceModel, Capabilities};
 use crate::ilm::IlluminationModel;
@@ -50,6 +76,13 @@ pub const SMS: &[SmEntry] = &[
     gradient::entry::<FclkMethod>(),
     gradient::entry::<IclkMethod>(),
     gradient::entry::<EsmMethod>(),
+    gradient::entry::<AesmMethod>(),
+    gradient::entry::<HesmMethod>(),
+    gradient::entry::<FcsdMethod>(),
+    gradient::entry::<HaclkMethod>(),
+    nn::ENTRY,
+    pf::ENTRY,
+    regression::ENTRY,
 ];
 
 /// Builds a tracker from assignments, its models and one of illumination.
@@ -67,7 +100,7 @@ pub struct SmEntry {
     pub name: &'static str,
     /// Other names.
     pub aliases: &'static [&'static str],
-    /// Groups that include it (`lk`, `gradient`, ...).
+    /// Groups that include it (`lk`, `gradient`, ...). Methods of no group are for analysis: `all` leaves them out.
     pub groups: &'static [&'static str],
     /// One-line description.
     pub summary: &'static str,

@@ -5,6 +5,7 @@ use crate::am::PatchShape;
 use crate::image::Image;
 use crate::kernels::{self, Border, Grid2};
 use crate::params::{Resolution, param_enum};
+use crate::ssm::StateSpaceModel;
 use crate::tracker::TrackError;
 
 param_enum! {
@@ -88,6 +89,37 @@ impl SamplingParams {
         } else {
             Ok(())
         }
+    }
+
+    /// Gradient of the warped image in the base frame, by central differences over one pixel of the base: into the
+    /// gradients of `b`, whose values stay.
+    pub(super) fn sample_warped_gradient<S: StateSpaceModel>(&self, image: &Image, ssm: &S, b: &mut Buffers) {
+        let n = b.x.len();
+        let r = ssm.radius();
+        let h = 0.5 / r;
+        let half = r as f32;
+        for axis in 0..2 {
+            for side in [1.0, -1.0] {
+                let mut offset = [0.0; 2];
+                offset[axis] = side * h;
+                ssm.warp_offset_into(offset, &mut b.x, &mut b.y);
+                for c in 0..self.channels.count() {
+                    let at = c * n..(c + 1) * n;
+                    let g = if axis == 0 { &mut b.gx } else { &mut b.gy };
+                    let out = &mut g[at.clone()];
+                    if side > 0.0 {
+                        kernels::sample(plane(image, c), self.border(), &b.x, &b.y, out);
+                    } else {
+                        let before = &mut b.scratch[at];
+                        kernels::sample(plane(image, c), self.border(), &b.x, &b.y, before);
+                        out.iter_mut()
+                            .zip(before)
+                            .for_each(|(g, v)| *g = half * (*g - *v));
+                    }
+                }
+            }
+        }
+        ssm.warp_into(&mut b.x, &mut b.y);
     }
 
     /// Image Hessians at the points in `b`, whose values have been sampled.

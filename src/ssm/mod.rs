@@ -275,6 +275,15 @@ pub trait StateSpaceModel: Send {
     /// Writes the current points in image pixels.
     fn warp_into(&self, x: &mut [f32], y: &mut [f32]);
 
+    /// Writes where the grid, moved by `offset` in the base frame, is warped to, in image pixels. The default, for warps
+    /// that do not compose, moves the warped points alike.
+    fn warp_offset_into(&self, offset: [f64; 2], x: &mut [f32], y: &mut [f32]) {
+        self.warp_into(x, y);
+        for (out, d) in [x, y].into_iter().zip(offset) {
+            out.iter_mut().for_each(|v| *v += (self.radius() * d) as f32);
+        }
+    }
+
     /// Writes rows `row..row + points` of `J = dI/dp` (row-contiguous per channel, a column per parameter).
     /// `points` are the current points.
     fn jacobian_into(
@@ -374,6 +383,9 @@ impl<T: StateSpaceModel + ?Sized> StateSpaceModel for Box<T> {
     }
     fn warp_into(&self, x: &mut [f32], y: &mut [f32]) {
         (**self).warp_into(x, y)
+    }
+    fn warp_offset_into(&self, offset: [f64; 2], x: &mut [f32], y: &mut [f32]) {
+        (**self).warp_offset_into(offset, x, y)
     }
     fn jacobian_into(
         &self,

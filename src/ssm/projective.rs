@@ -171,6 +171,18 @@ impl<W: ProjectiveModel> Projective<W> {
         Derivatives::new(&self.model, p).hessian(x0, k, l, second.as_ref())
     }
 
+    fn warp_with(&self, m: &Mat3, x: &mut [f32], y: &mut [f32]) {
+        kernels::warp_projective(
+            &to_f32(m),
+            self.frame.centre.map(|c| c as f32),
+            self.frame.radius as f32,
+            &self.frame.x,
+            &self.frame.y,
+            x,
+            y,
+        );
+    }
+
     fn columns(derivatives: &[Mat3; MAX_DOF]) -> [Column; MAX_DOF] {
         std::array::from_fn(|k| {
             if k < W::DOF {
@@ -315,8 +327,13 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
 
     fn fit_into(&self, from: &[[f64; 2]], to: &[[f64; 2]], p: &mut [f64]) -> Result<(), TrackError> {
         // Closed forms centre their points, so the fit may run in pixels; the frame is a similarity away.
-        let m = self.model.fit_matrix(from, to).ok_or(NO_FIT)?;
-        self.model.state(&self.frame.matrix_to_frame(&m), p).ok_or(NO_FIT)
+        let m = if from.len() == W::MIN_POINTS {
+            self.model.minimal(from, to)
+        } else {
+            self.model.fit_matrix(from, to)
+        };
+        let m = self.frame.matrix_to_frame(&m.ok_or(NO_FIT)?);
+        self.model.state(&m, p).ok_or(NO_FIT)
     }
 
     fn estimate(
@@ -398,16 +415,13 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
     }
 
     fn warp_into(&self, x: &mut [f32], y: &mut [f32]) {
-        let centre = self.frame.centre.map(|c| c as f32);
-        kernels::warp_projective(
-            &to_f32(&self.matrix),
-            centre,
-            self.frame.radius as f32,
-            &self.frame.x,
-            &self.frame.y,
-            x,
-            y,
-        );
+        self.warp_with(&self.matrix, x, y);
+    }
+
+    fn warp_offset_into(&self, [dx, dy]: [f64; 2], x: &mut [f32], y: &mut [f32]) {
+        let shift = Mat3::new(1.0, 0.0, dx, 0.0, 1.0, dy, 0.0, 0.0, 1.0);
+        let m = self.matrix * shift;
+        self.warp_with(&m, x, y);
     }
 
     fn jacobian_into(

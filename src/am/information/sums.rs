@@ -272,8 +272,8 @@ impl Work {
     pub fn finish(&mut self, j: &Jacobian, sign: f64, scale: f64, h: &mut SymMatrix) {
         // Rows that were reserved but not used count for nothing.
         self.outer_weights.resize(self.outer.rows(), 0.0);
-        kernels::weighted_gram(&self.outer, &self.outer_weights, &mut self.gram);
-        kernels::weighted_gram(j, &self.weights, h);
+        kernels::weighted_normal_equations(&self.outer, &self.outer_weights, &[], &mut self.gram, &mut []);
+        kernels::weighted_normal_equations(j, &self.weights, &[], h, &mut []);
         h.blend(sign, sign * scale, &self.gram);
     }
 

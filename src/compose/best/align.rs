@@ -1,95 +1,31 @@
-//! Efficient second-order minimisation of `Σ_b w_b Σ_i (T̂_i - Î_i)²` over a homography: in every block `b` of the
-//! template (or, in even light, in all of them together), values are normalised to the same mean and contrast, whose
-//! effect on the normal equations is projected out, so that light may change from place to place (Malis 2004; Evangelidis & Psarakis 2008 for the normalised residual).
+//! Efficient second-order minimisation of `Σ_b w_b Σ_i (T̂_i - Î_i)²` over a homography, coarse to fine: in every block
+//! `b` of the template (or, in even light, in all of them together), values are normalised to the same mean and contrast,
+//! whose effect on the normal equations is projected out, so that light may change from place to place (Malis 2004;
+//! Evangelidis & Psarakis 2008 for the normalised residual).
 //!
 //! The correlation `z_b` of a block with the image tells how far to trust it: `w_b` is Tukey's weight of `√(1 - z_b)`
 //! against the lower part of its distribution, so up to about two thirds of the object may be covered.
 
-use super::view::{Base, IMAGE, ONES, TEMPLATE, View, WARP, columns, plane};
-use crate::geom::solve::{SymMatrix, solve_negative};
-use crate::geom::{Corners, Mat3, homography};
-use crate::image::{Frame, Image};
-use crate::kernels::{self, Border, Column, Covectors};
+mod score;
+mod step;
 
-/// Smallest and largest gain that a block's contrast is met with.
-const GAIN: (f64, f64) = (0.1, 10.0);
-/// Cut of the weights: multiple of the lower three tenths of the misfits, least and most.
-const CUT: (f64, f64, f64) = (2.5, 0.4, 1.3);
-/// The first iterations, and their least cut: blocks that are not yet aligned must not lose their say.
-const WIDE: (u32, f64) = (2, 0.9);
-/// Correlation from which a block agrees.
-const AGREES: f64 = 0.7;
+pub(super) use score::Score;
+
+use super::view::{Base, View, WARP, columns};
+use crate::geom::solve::SymMatrix;
+use crate::geom::{Corners, Mat3, homography};
+use crate::image::Frame;
+use crate::kernels::{self, Column};
+use score::Seen;
+
 /// Largest change of size since the first frame, octaves.
 const ZOOM: f64 = 3.0;
 /// Least depth of a corner, as a fraction of that of the object's middle.
 const NEAREST: f64 = 0.03;
-/// How many times as much of the template is left unexplained with one gain and bias where light is uneven.
-const UNEVEN: f64 = 2.0;
 /// Places along a side of the grid that tells how much is seen.
 const GRID: usize = 6;
-/// Levenberg-Marquardt damping.
-const DAMPING: f64 = 1e-4;
-/// Points from which all eight parameters are found, else six.
-const PROJECTIVE: usize = 250;
-/// Least points that poses are searched with, and what a pose at the border of the search must be better by.
-const SEARCH: usize = 180;
-const NEARER: f64 = 0.02;
 /// Mean correlation of the best blocks below which nothing is there.
 const NOTHING: f64 = 0.35;
-/// Largest step, as a fraction of half the object's side.
-const STEP: f64 = 1.2;
-
-/// How well the template agrees with the image at a pose.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Score {
-    /// Sum of the cubed correlations of the textured blocks inside the image, negative ones as 0, per such block;
-    /// blocks outside count for a third of one.
-    pub total: f64,
-    /// Mean correlation of the best two fifths of the blocks inside.
-    pub best: f64,
-    /// Share of all textured blocks that agree.
-    pub agree: f64,
-    /// Number of blocks that agree.
-    pub agreeing: usize,
-}
-
-/// A block in the present image.
-#[derive(Clone, Copy, Debug, Default)]
-struct Seen {
-    correlation: f64,
-    gain: f64,
-    visible: bool,
-    weight: f64,
-}
-
-/// Normal equations with what gain and bias of the image may be projected out.
-#[derive(Clone, Copy, Debug, Default)]
-struct Equations {
-    h: [[f64; WARP]; WARP],
-    g: [f64; WARP],
-    /// Sum of the squared residuals.
-    left: f64,
-}
-
-impl Equations {
-    /// Adds those of points whose columns have the Gram matrix `m`.
-    fn add(&mut self, m: &SymMatrix, weight: f64, order: usize) {
-        let centred = |a: usize, b: usize| m.get(a, b) - m.get(a, ONES) * m.get(b, ONES) / m.get(ONES, ONES);
-        let contrast = centred(IMAGE, IMAGE);
-        if contrast <= 0.0 || contrast.is_nan() {
-            return;
-        }
-        let along: [f64; TEMPLATE + 1] = std::array::from_fn(|a| centred(a, IMAGE));
-        let freed = |a: usize, b: usize| weight * (centred(a, b) - along[a] * along[b] / contrast);
-        for a in 0..order {
-            for b in a..order {
-                self.h[a][b] += freed(a, b);
-            }
-            self.g[a] += freed(a, TEMPLATE);
-        }
-        self.left += freed(TEMPLATE, TEMPLATE);
-    }
-}
 
 /// The views of a template and what aligning them takes.
 #[derive(Debug, Default)]
@@ -120,7 +56,7 @@ impl Aligner {
     /// Learns the template; false when there is nothing to track.
     pub fn learn(&mut self, frame: &Frame, corners: &Corners, most: usize) -> bool {
         self.base = Base::of(corners);
-        self.quad = Corners(corners.0.map(|c| self.base.from_image(c)));
+        self.quad = Corners(corners.0.map(|c| self.base.of_image(c)));
         self.columns = Some(columns());
         let Some(square) = homography::from_corners(&Corners::rect(0.0, 0.0, 1.0, 1.0), &self.quad) else {
             return false;
@@ -161,7 +97,7 @@ impl Aligner {
 
     /// Place in the base frame of a place in the template's frame, px.
     pub fn to_base(&self, x: [f64; 2]) -> [f64; 2] {
-        self.base.from_image(x)
+        self.base.of_image(x)
     }
 
     /// Places of a coarse grid over the object, in the base frame, that a pose puts into the image.
@@ -252,283 +188,6 @@ impl Aligner {
             &mut self.py[..n],
         );
         (matrix, centre, scale)
-    }
-
-    /// Correlation, gain and visibility of each block, from the sampled values.
-    fn look(&mut self, view: usize, image: &Image, outside: usize) {
-        let v = &self.views[view];
-        let n = v.len();
-        self.moments.resize(v.blocks.len(), [0.0; 3]);
-        kernels::block_moments(v.work.col(TEMPLATE), &self.value[..n], &v.ends, &mut self.moments);
-        self.seen.clear();
-        let mut first = 0;
-        let (right, bottom) = ((image.width() - 1) as f32, (image.height() - 1) as f32);
-        for ((block, m), &last) in v.blocks.iter().zip(&self.moments).zip(&v.ends) {
-            let within = |i: usize| {
-                self.px[i] >= 0.0 && self.px[i] <= right && self.py[i] >= 0.0 && self.py[i] <= bottom
-            };
-            let visible = outside == 0 || (first..last).all(within);
-            first = last;
-            let mean = m[0] / block.count;
-            let deviation = (m[1] / block.count - mean * mean).max(0.0).sqrt();
-            let covariance = m[2] / block.count - mean * block.mean;
-            // Contrast below the noise of rounding is none.
-            let flat = deviation < 0.05 || block.deviation < 0.05;
-            self.seen.push(Seen {
-                correlation: if flat {
-                    0.0
-                } else {
-                    (covariance / (deviation * block.deviation)).clamp(-1.0, 1.0)
-                },
-                gain: (block.deviation / deviation.max(0.05)).clamp(GAIN.0, GAIN.1),
-                visible,
-                weight: 0.0,
-            });
-        }
-    }
-
-    /// The score of what was last looked at.
-    fn score(&mut self, view: usize) -> Score {
-        let blocks = &self.views[view].blocks;
-        let (mut outside, mut sum) = (0.0, 0.0);
-        self.sorted.clear();
-        for (_, s) in blocks.iter().zip(&self.seen).filter(|p| p.0.textured) {
-            if s.visible {
-                let z = s.correlation.max(0.0);
-                sum += z * z * z;
-                self.sorted.push(z);
-            } else {
-                outside += 1.0;
-            }
-        }
-        if self.sorted.is_empty() {
-            return Score::default();
-        }
-        self.sorted.sort_unstable_by(|a, b| b.total_cmp(a));
-        let inside = self.sorted.len();
-        let part = (inside * 2).div_ceil(5);
-        let agreeing = self.sorted.iter().filter(|z| **z >= AGREES).count();
-        Score {
-            total: sum / (inside as f64 + outside / 3.0),
-            best: self.sorted[..part].iter().sum::<f64>() / part as f64,
-            agree: agreeing as f64 / (inside as f64 + outside),
-            agreeing,
-        }
-    }
-
-    /// Score of a pose on `points` points or more.
-    pub fn assess(&mut self, frame: &Frame, pose: &Mat3, points: usize) -> Score {
-        if !self.sound(pose, frame) {
-            return Score::default();
-        }
-        let (view, level) = self.pair(pose, frame, self.judge(pose, frame, points));
-        let image = frame.level(level, 1).gray();
-        self.place(pose, view, level);
-        let n = self.views[view].len();
-        let (px, py) = (&self.px[..n], &self.py[..n]);
-        let outside = kernels::sample(plane(image), Border::Constant, px, py, &mut self.value[..n]);
-        self.look(view, image, outside);
-        self.score(view)
-    }
-
-    /// The pose shifted within `radius` px of the image so that it agrees best on a coarse level, in whole pixels of that
-    /// level; and how well.
-    pub fn search(&mut self, frame: &Frame, pose: &Mat3, radius: f64) -> Option<(Mat3, f64)> {
-        if !self.sound(pose, frame) {
-            return None;
-        }
-        let mut k = self.top(pose, frame);
-        while k > 0 && self.views[self.pair(pose, frame, k).0].len() < SEARCH {
-            k -= 1;
-        }
-        let (view, level) = self.pair(pose, frame, k);
-        let image = frame.level(level, 1).gray();
-        let unit = f64::from(1u32 << level);
-        self.place(pose, view, level);
-        let n = self.views[view].len();
-        let reach = (radius / unit).ceil() as i32;
-        let (mut best, mut at) = (f64::NEG_INFINITY, [0, 0]);
-        for dy in -reach..=reach {
-            for dx in -reach..=reach {
-                // Row by row from the upper left: each position is one pixel from the one before or at the next row's start.
-                let step = match (dx == -reach, dy == -reach) {
-                    (true, true) => [-reach as f32, -reach as f32],
-                    (true, false) => [-2.0 * reach as f32, 1.0],
-                    _ => [1.0, 0.0],
-                };
-                self.px[..n].iter_mut().for_each(|v| *v += step[0]);
-                self.py[..n].iter_mut().for_each(|v| *v += step[1]);
-                let (px, py) = (&self.px[..n], &self.py[..n]);
-                let outside = kernels::sample(plane(image), Border::Constant, px, py, &mut self.value[..n]);
-                self.look(view, image, outside);
-                let far = f64::from(dx * dx + dy * dy).sqrt() / f64::from(reach.max(1));
-                let total = self.score(view).total - NEARER * far;
-                if total > best {
-                    (best, at) = (total, [dx, dy]);
-                }
-            }
-        }
-        let [dx, dy] = at.map(|v| f64::from(v) * unit);
-        let shift = Mat3::new(1.0, 0.0, dx, 0.0, 1.0, dy, 0.0, 0.0, 1.0);
-        Some((shift * pose, best))
-    }
-
-    /// Blocks of the last assessed pose that agree: their centres in the base frame.
-    pub fn agreeing(&self, frame: &Frame, pose: &Mat3, points: usize) -> impl Iterator<Item = [f64; 2]> + '_ {
-        let (view, _) = self.pair(pose, frame, self.judge(pose, frame, points));
-        let blocks = self.views[view].blocks.iter().zip(&self.seen);
-        blocks
-            .filter(|(b, s)| b.textured && s.visible && s.correlation >= AGREES)
-            .map(|(b, _)| b.centre)
-    }
-
-    /// Weighs the blocks with a cut of at least `least`; what blocks beside it say counts for a third of a block's misfit,
-    /// for what covers an object is connected.
-    fn weigh(&mut self, view: usize, least: f64) {
-        let view = &self.views[view];
-        let counts = |k: usize| view.blocks[k].textured && self.seen[k].visible;
-        self.misfits.clear();
-        for (k, s) in self.seen.iter().enumerate() {
-            let own = (1.0 - s.correlation).sqrt();
-            let (mut sum, mut n) = (0.0, 0.0);
-            for &b in view.beside(k).iter().filter(|b| counts(**b)) {
-                sum += (1.0 - self.seen[b].correlation).sqrt();
-                n += 1.0;
-            }
-            let around = if n > 0.0 { sum / n } else { own };
-            self.misfits.push((2.0 * own + around.max(own)) / 3.0);
-        }
-        self.sorted.clear();
-        let counted = (0..self.seen.len()).filter(|k| counts(*k));
-        self.sorted.extend(counted.map(|k| self.misfits[k]));
-        if self.sorted.is_empty() {
-            return;
-        }
-        let rank = self.sorted.len() * 3 / 10;
-        let low = *self.sorted.select_nth_unstable_by(rank, f64::total_cmp).1;
-        let cut = (CUT.0 * low).clamp(least, CUT.2);
-        for ((b, s), misfit) in view.blocks.iter().zip(&mut self.seen).zip(&self.misfits) {
-            let t = 1.0 - (misfit / cut).powi(2);
-            s.weight = if b.textured && s.visible && t > 0.0 {
-                t * t
-            } else {
-                0.0
-            };
-        }
-    }
-
-    /// Improves a pose at one level by at most `iterations` steps; how many it took, or `None` when it fails.
-    fn refine(
-        &mut self,
-        frame: &Frame,
-        pose: &mut Mat3,
-        k: usize,
-        iterations: u32,
-        epsilon: f64,
-    ) -> Option<u32> {
-        let (view, level) = self.pair(pose, frame, k);
-        let image = frame.level(level, 1).gray();
-        let unit = f64::from(1u32 << level);
-        let columns = self.columns?;
-        for iteration in 1..=iterations {
-            let (matrix, centre, scale) = self.place(pose, view, level);
-            let n = self.views[view].len();
-            let outside = kernels::sample_gradient(
-                plane(image),
-                Border::Constant,
-                &self.px[..n],
-                &self.py[..n],
-                &mut self.value[..n],
-                &mut self.gx[..n],
-                &mut self.gy[..n],
-            );
-            self.look(view, image, outside);
-            self.weigh(view, if iteration <= WIDE.0 { WIDE.1 } else { CUT.1 });
-            let v = &mut self.views[view];
-            let mut first = 0;
-            for (s, &last) in self.seen.iter().zip(&v.ends) {
-                let gain = s.gain as f32;
-                for g in self.gx[first..last].iter_mut().chain(&mut self.gy[first..last]) {
-                    *g *= gain;
-                }
-                first = last;
-            }
-            let covectors = Covectors {
-                gx: &self.gx[..n],
-                gy: &self.gy[..n],
-                px: &self.px[..n],
-                py: &self.py[..n],
-                centre,
-                scale,
-                matrix,
-                denominator: Some([matrix[6], matrix[7], matrix[8]]),
-            };
-            kernels::steepest(&v.x, &v.y, &covectors, &columns, 0, &mut v.work);
-            for k in 0..WARP {
-                for (a, b) in v.work.col_mut(k).iter_mut().zip(v.own.col(k)) {
-                    *a = 0.5 * (*a + b);
-                }
-            }
-            v.work.col_mut(IMAGE).copy_from_slice(&self.value[..n]);
-            let order = if n < PROJECTIVE { 6 } else { WARP };
-            let step = self.step(view, order)?;
-            let p = Mat3::new(
-                step[0], step[1], step[2], step[3], step[4], step[5], step[6], step[7], 0.0,
-            );
-            let next = *pose * (Mat3::identity() + p + p * p * 0.5);
-            let next = next / next[(2, 2)];
-            if !self.sound(&next, frame) {
-                return None;
-            }
-            // How far what is seen moves.
-            let (mut sum, mut n) = (0.0, 0.0);
-            for x in self.inside(pose, frame) {
-                let (a, b) = (homography::apply(pose, x), homography::apply(&next, x));
-                sum += (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
-                n += 1.0;
-            }
-            let moved = (sum / n).sqrt();
-            if !(moved < STEP * self.base.unit * libm::exp2(self.zoom(pose, frame)?)) {
-                return None;
-            }
-            *pose = next;
-            if moved < epsilon * unit {
-                return Some(iteration);
-            }
-        }
-        Some(iterations)
-    }
-
-    /// The Gauss-Newton step of the weighted blocks in the first `order` parameters. One gain and bias serve all blocks,
-    /// which keeps what tells blocks apart, unless the light calls for one of each block.
-    fn step(&mut self, view: usize, order: usize) -> Option<[f64; WARP]> {
-        let v = &self.views[view];
-        let mut each = Equations::default();
-        self.sum.scale(0.0);
-        let mut first = 0;
-        for (s, &last) in self.seen.iter().zip(&v.ends) {
-            let rows = (first, last);
-            first = last;
-            if s.weight > 0.0 {
-                kernels::block_gram(&v.work, rows.0, rows.1, &mut self.gram);
-                each.add(&self.gram, s.weight, order);
-                self.sum.blend(1.0, s.weight, &self.gram);
-            }
-        }
-        let mut one = Equations::default();
-        one.add(&self.sum, 1.0, order);
-        let used = if one.left < UNEVEN * each.left {
-            &one
-        } else {
-            &each
-        };
-        if self.system.order() != order {
-            self.system = SymMatrix::new(order);
-        }
-        self.system.fill(|a, b| -used.h[a][b]);
-        let (mut x, mut work) = ([0.0; WARP], [0.0; WARP * WARP + WARP]);
-        let g = used.g.map(|v| -v);
-        solve_negative(&self.system, DAMPING, &g[..order], &mut x[..order], &mut work).then_some(x)
     }
 
     /// Aligns from a pose, coarse to fine; the pose and its score, and iterations.

@@ -39,7 +39,7 @@ impl Base {
         }
     }
 
-    pub fn from_image(&self, x: [f64; 2]) -> [f64; 2] {
+    pub fn of_image(&self, x: [f64; 2]) -> [f64; 2] {
         [
             (x[0] - self.centre[0]) / self.unit,
             (x[1] - self.centre[1]) / self.unit,

@@ -1,0 +1,222 @@
+//! `mtf-eval basin`: how far from the truth a tracker may start.
+
+use super::args::TrackerArgs;
+use super::run::trackers;
+use super::{Console, Failure, Outcome, exit, print};
+use mtf_eval::eval::basin::{self, BasinError, BasinRequest, BasinRow, Texture};
+use mtf_eval::image::{Frame, Identity, decode, parse_preprocessor};
+use mtf_eval::output::{Format, render};
+use mtf_eval::registry::Registry;
+use mtf_eval::synth::texture::TEXTURES;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+
+/// Textures drawn for the experiment when no image is given: different kinds, all with something to see.
+const DRAWN: [&str; 4] = ["rock", "painting", "page", "bricks"];
+/// Seed of their drawing.
+const DRAWING: u64 = 1;
+
+/// Measure the basin of convergence: start trackers away from the truth and count how often they find it
+///
+/// Each image is warped by a homography that moves the corners of a box in its middle by Gaussian noise; the tracker starts
+/// on the unmoved box. It has converged when it is within 1 px of the moved corners (5 px for pure nn and pf) after a few
+/// updates.
+#[derive(clap::Args, Debug)]
+pub struct BasinArgs {
+    /// Images, or folders of images [default: textures drawn by the program]
+    #[arg(value_name = "IMAGE")]
+    pub images: Vec<PathBuf>,
+    /// Which trackers.
+    #[command(flatten)]
+    pub trackers: TrackerArgs,
+    /// Standard deviations of the corners' coordinates, px [default: from 1 to a quarter of the box's side]
+    #[arg(
+        long,
+        value_name = "PX,...",
+        value_delimiter = ',',
+        help_heading = "Experiment"
+    )]
+    pub sigma: Vec<f64>,
+    /// Warps per image and sigma
+    #[arg(long, value_name = "N", default_value_t = 500, help_heading = "Experiment")]
+    pub trials: usize,
+    /// Side of the box, px
+    #[arg(long, value_name = "PX", default_value_t = 200.0, help_heading = "Experiment")]
+    pub side: f64,
+    /// Updates on each warped image
+    #[arg(long, value_name = "N", default_value_t = 3, help_heading = "Experiment")]
+    pub updates: usize,
+    /// Mean corner distance of a converged tracker, px [default: 1, and 5 for pure nn and pf]
+    #[arg(long, value_name = "PX", help_heading = "Experiment")]
+    pub within: Option<f64>,
+    /// Seed of warps and trackers
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Experiment")]
+    pub seed: u64,
+    /// Worker threads [default: one per core]
+    #[arg(short = 'j', long, value_name = "N", help_heading = "Experiment")]
+    pub threads: Option<usize>,
+    /// A row per image as well
+    #[arg(long, help_heading = "Output")]
+    pub each: bool,
+    /// Form of the table
+    #[arg(long, value_name = "FORM", default_value = "table", help_heading = "Output")]
+    pub format: Format,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Wrong arguments, unreadable images, a tracker that cannot start, or stopped early.
+pub fn run(args: &BasinArgs, console: &Console) -> Outcome {
+    let registry = Arc::new(Registry::builtin());
+    let stochastic = |sm: &str| {
+        registry
+            .sms()
+            .iter()
+            .any(|e| e.name == sm && e.groups.contains(&"stochastic"))
+    };
+    let entries = trackers(&args.trackers, &registry, console)?
+        .into_iter()
+        .map(|entry| {
+            let usual = if stochastic(&entry.name.sm) { 5.0 } else { 1.0 };
+            (entry, args.within.unwrap_or(usual))
+        });
+    let positive = |v: &f64| v.is_finite() && *v > 0.0;
+    if !(positive(&args.side) && args.sigma.iter().chain(&args.within).all(positive)) {
+        return Err(Failure::usage(
+            "--side, --sigma and --within take numbers above 0",
+        ));
+    }
+    let mut sigmas = args.sigma.clone();
+    if sigmas.is_empty() {
+        sigmas = (0..)
+            .map(|k| 2f64.powf(0.5 * f64::from(k)).round())
+            .take_while(|s| *s <= args.side / 4.0)
+            .collect();
+    }
+    sigmas.sort_by(f64::total_cmp);
+    sigmas.dedup();
+    let request = BasinRequest {
+        trackers: entries.collect(),
+        textures: textures(&args.images)?,
+        sigmas,
+        trials: args.trials,
+        side: args.side,
+        updates: args.updates,
+        pre: parse_preprocessor(&args.trackers.pre).map_err(Failure::usage)?,
+        seed: args.seed,
+    };
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.threads.unwrap_or(0))
+        .build()
+        .map_err(Failure::usage)?;
+    let stop = super::run::stop_on_signals()?;
+    let progress = |share: f64| console.note(&format!("{:.0} %", 100.0 * share));
+    let rows = pool
+        .install(|| basin::run(&request, &stop, &progress))
+        .map_err(|e| {
+            let code = match e {
+                BasinError::Stopped => exit::STOPPED,
+                _ => exit::USAGE,
+            };
+            Failure::new(code, e)
+        })?;
+    let pooled = request.textures.len() > 1;
+    let shown: Vec<&BasinRow> = rows
+        .iter()
+        .filter(|r| args.each || !pooled || r.texture == basin::POOLED)
+        .collect();
+    let mut lines = Vec::new();
+    for group in shown.chunk_by(|a, b| (&a.tracker, &a.texture) == (&b.tracker, &b.texture)) {
+        let half = basin::half_rate_sigma(group).map_or("-".to_owned(), |s| format!("{s:.2}"));
+        lines.extend(group.iter().map(|row| {
+            let [low, high] = row.interval();
+            let last = row.distance.last().map_or(String::new(), |d| format!("{d:.4}"));
+            vec![
+                row.tracker.clone(),
+                row.texture.clone(),
+                row.sigma.to_string(),
+                row.trials.to_string(),
+                format!("{:.4}", row.rate()),
+                format!("{low:.4}"),
+                format!("{high:.4}"),
+                last,
+                half.clone(),
+            ]
+        }));
+    }
+    let header = [
+        "tracker",
+        "image",
+        "sigma",
+        "trials",
+        "converged",
+        "low95",
+        "high95",
+        "distance",
+        "sigma50",
+    ];
+    print(&render(&header, &lines, args.format, console.table_colour))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The images named, those of folders in the order of their names; or drawn ones.
+fn textures(paths: &[PathBuf]) -> Result<Vec<Texture>, Failure> {
+    if paths.is_empty() {
+        let drawn = TEXTURES.iter().filter(|t| DRAWN.contains(&t.name)).map(|t| {
+            let image = t.draw(DRAWING);
+            let gray = |x: usize, y: usize| {
+                let [r, g, b] = image.get_pixel(x as u32, y as u32).0.map(f32::from);
+                0.299 * r + 0.587 * g + 0.114 * b
+            };
+            let (w, h) = image.dimensions();
+            Texture {
+                name: t.name.to_owned(),
+                image: mtf_eval::image::Image::from_fn(w as usize, h as usize, gray),
+            }
+        });
+        return Ok(drawn.collect());
+    }
+    let failed = |path: &Path, e: &dyn std::fmt::Display| Failure::usage(format!("{}: {e}", path.display()));
+    let mut files = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let entries = std::fs::read_dir(path).map_err(|e| failed(path, &e))?;
+        let image = |p: &PathBuf| {
+            let extension = p.extension().map(|e| e.to_string_lossy().to_lowercase());
+            extension.is_some_and(|e| {
+                ["png", "jpg", "jpeg", "bmp", "tif", "tiff", "pgm", "ppm"].contains(&e.as_str())
+            })
+        };
+        let mut inside: Vec<PathBuf> = entries
+            .filter_map(|e| Some(e.ok()?.path()))
+            .filter(image)
+            .collect();
+        if inside.is_empty() {
+            return Err(failed(
+                path,
+                &"no images in this folder; give image files or a folder of them",
+            ));
+        }
+        inside.sort();
+        files.extend(inside);
+    }
+    let read = |path: &PathBuf| {
+        let bytes = std::fs::read(path).map_err(|e| failed(path, &e))?;
+        let decoded = decode(&bytes, false).map_err(|e| failed(path, &e))?;
+        let name = path
+            .file_stem()
+            .unwrap_or(path.as_os_str())
+            .to_string_lossy()
+            .into_owned();
+        Ok(Texture {
+            name,
+            image: Frame::new(decoded, Arc::new(Identity)).gray().clone(),
+        })
+    };
+    files.iter().map(read).collect()
+}

@@ -1,0 +1,391 @@
+//! NN, nearest-neighbour search (Dick, Perez, Jagersand & Shademan 2013): at the start the region is sampled under many
+//! random warps `Δ⁻¹`; a patch that looks like sample `k` is brought back by `Δ_k`.
+//!
+//! With several neighbours the patch is first written as the combination of them that comes nearest, weights adding up to one
+//! (the local reconstruction of Roweis & Saul 2000), and the same combination of their increments is applied.
+
+use super::SmEntry;
+use super::index::{Features, Index, IndexKind, IndexSettings, Nearest};
+use super::pf::Step;
+use super::probe::Probe;
+use super::sampling::SamplingParams;
+use super::workspace::Buffers;
+use crate::am::{AppearanceModel, Metric};
+use crate::geom::solve::{SymMatrix, solve_negative};
+use crate::geom::{Corners, homography};
+use crate::image::{Frame, Image};
+use crate::kernels;
+use crate::params::{ParamError, ParamValue, Params};
+use crate::ssm::{Increment, Perturbation, SampleUnit, Sampler, SigmaSets, StateSpaceModel};
+use crate::tracker::{Stop, TrackError, Tracker, Update};
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
+
+crate::params! {
+    /// Parameters of nearest-neighbour search.
+    pub struct NnParams {
+        /// Samples, the undisturbed region included.
+        n_samples: usize = 2000, in 2..=1_000_000;
+        /// Most iterations per frame.
+        max_iters: usize = 10, in 1..=100_000;
+        /// Converged when the corners' squared motion, summed over all eight coordinates, falls below this; px².
+        epsilon: f64 = 1e-4, in 0.0..=1e6;
+        /// Increments are additive or compositional.
+        update: Step = Step::Compositional;
+        /// What is disturbed: corners, points or params.
+        perturb: Perturbation = Perturbation::Corners;
+        /// Unit of sigma: px or side (of the region as a square).
+        unit: SampleUnit = SampleUnit::Pixels;
+        /// Deviations of samples: common shift and single coordinate (COMMON:SINGLE), or one per parameter; sets separated by
+        /// '|' share the samples.
+        sigma: SigmaSets = SigmaSets(
+            [0.25, 0.5, 1.0, 2.0, 4.0, 8.0].iter().map(|t| vec![*t, 0.5 * t]).collect()
+        );
+        /// Nearest samples by: linear, kd (Euclidean features), gnn, fgnn; auto.
+        index: IndexKind = IndexKind::Auto;
+        /// kd: samples whose full distance is compared.
+        candidates: usize = 64, in 1..=1_000_000;
+        /// gnn, fgnn: links of each sample.
+        degree: usize = 100, in 1..=100_000;
+        /// gnn, fgnn: most steps of a walk.
+        max_steps: usize = 10, in 1..=100_000;
+        /// Neighbours combined by local reconstruction; 1: the nearest alone.
+        neighbours: usize = 1, in 1..=1000;
+        /// Local reconstruction: ridge as a share of the trace.
+        ridge: f64 = 1e-3, in 1e-9..=1e3;
+    }
+}
+
+/// Weights of neighbours.
+struct Reconstruction {
+    differences: Vec<f32>,
+    gram: SymMatrix,
+    ones: Vec<f64>,
+    weights: Vec<f64>,
+    work: Vec<f64>,
+}
+
+impl Reconstruction {
+    fn new(k: usize, len: usize) -> Self {
+        Reconstruction {
+            differences: vec![0.0; if k > 1 { k * len } else { 0 }],
+            gram: SymMatrix::new(k),
+            ones: vec![-1.0; k],
+            weights: vec![0.0; k],
+            work: vec![0.0; k * k + k],
+        }
+    }
+
+    /// Weights `w`, `Σ w = 1`, of least `|q - Σ w_i x_i|² + ridge tr(G) |w|²`; false when there are none.
+    fn solve(&mut self, query: &[f32], features: &Features, near: &[(f32, usize)], ridge: f64) -> bool {
+        if near.len() != self.weights.len() {
+            return false;
+        }
+        let len = query.len();
+        for (d, &(_, i)) in self.differences.chunks_exact_mut(len).zip(near) {
+            kernels::combine(1.0, query, -1.0, features.row(i), d);
+        }
+        let d = |i: usize| &self.differences[i * len..(i + 1) * len];
+        self.gram.fill(|i, j| -kernels::dot(d(i), d(j)));
+        let k = near.len();
+        let trace: f64 = (0..k).map(|i| self.gram.get(i, i)).sum();
+        // A query that is one of the samples needs something to divide by.
+        let floor = (ridge * trace / k as f64).min(-1e-12);
+        self.gram.fill_from(|i, j, v| if i == j { v + floor } else { v });
+        let solved = solve_negative(&self.gram, 0.0, &self.ones, &mut self.weights, &mut self.work);
+        let total: f64 = self.weights.iter().sum();
+        self.weights.iter_mut().for_each(|w| *w /= total);
+        solved && total > 0.0
+    }
+}
+
+/// Nearest-neighbour search over appearance model `A` and warp `S`.
+pub struct Nn<A, S> {
+    /// Search parameters; changes take effect at the next `init`.
+    pub params: NnParams,
+    probe: Probe<A, S>,
+    seed: u64,
+    features: Features,
+    /// Increment of each sample, S numbers, and the region it leads to from the first base.
+    increments: Vec<f64>,
+    regions: Vec<Corners>,
+    base: Corners,
+    index: Index,
+    near: Nearest,
+    reconstruction: Reconstruction,
+    query: Vec<f32>,
+    delta: Vec<f64>,
+    /// State of the iteration before, and the best of the frame.
+    accepted: Vec<f64>,
+    best: Vec<f64>,
+}
+
+impl<A: AppearanceModel, S: StateSpaceModel> Nn<A, S> {
+    /// With default parameters.
+    pub fn new(am: A, ssm: S) -> Self {
+        Self::with_params(SamplingParams::default(), NnParams::default(), am, ssm)
+    }
+
+    /// With all parameters.
+    pub fn with_params(sampling: SamplingParams, params: NnParams, am: A, ssm: S) -> Self {
+        Nn {
+            params,
+            probe: Probe::new(sampling, am, ssm),
+            seed: 0,
+            features: Features::default(),
+            increments: Vec::new(),
+            regions: Vec::new(),
+            base: Corners::default(),
+            index: Index::Linear,
+            near: Nearest::new(1),
+            reconstruction: Reconstruction::new(0, 0),
+            query: Vec::new(),
+            delta: Vec::new(),
+            accepted: Vec::new(),
+            best: Vec::new(),
+        }
+    }
+
+    fn increment(&self) -> Increment {
+        match self.params.update {
+            Step::Compositional if self.probe.ssm.capabilities().compositional => Increment::Compositional,
+            _ => Increment::Additive,
+        }
+    }
+
+    /// Makes the samples from the first frame.
+    fn collect(&mut self, image: &Image, b: &mut Buffers) -> Result<(), TrackError> {
+        let p = &self.params;
+        let (n, s) = (p.n_samples, self.probe.ssm.dof());
+        let mut sampler = Sampler::new(p.perturb, p.unit, p.sigma.clone());
+        sampler.check(&self.probe.ssm)?;
+        let len = self.probe.am.feature_len();
+        self.features = Features {
+            values: vec![0.0; n * len],
+            len,
+        };
+        self.increments = vec![0.0; n * s];
+        self.base = self.probe.ssm.base_corners();
+        self.regions = vec![self.base; n];
+        let mut rng = Pcg64::seed_from_u64(self.seed);
+        let (home, mut work) = (vec![0.0; s], vec![0.0; 2 * s]);
+        let additive = self.increment() == Increment::Additive;
+        let rows = self.features.values.chunks_exact_mut(len);
+        for (i, (row, d)) in rows.zip(self.increments.chunks_exact_mut(s)).enumerate() {
+            if i > 0 {
+                let set = p.sigma.set_of(i - 1, n - 1);
+                self.probe
+                    .look_around(image, &mut sampler, set, &mut rng, &mut work, b)?;
+                let ssm = &self.probe.ssm;
+                if additive {
+                    d.iter_mut().zip(ssm.state()).for_each(|(d, p)| *d = -p);
+                } else {
+                    ssm.relative_into(ssm.state(), &home, d)?;
+                }
+                self.regions[i] = ssm.corners_at(d);
+            }
+            self.probe.am.feature_into(&b.values, row);
+        }
+        self.probe.ssm.set_state(&home)
+    }
+
+    /// Feature of the patch at the present state; its distance from the template's.
+    fn ask(&mut self, image: &Image, b: &mut Buffers) -> Result<f32, TrackError> {
+        self.probe.look(image, b)?;
+        let am = &self.probe.am;
+        am.feature_into(&b.values, &mut self.query);
+        let d = am.distance(&self.query, self.features.row(0), f32::INFINITY);
+        if d.is_finite() {
+            Ok(d)
+        } else {
+            Err(TrackError::NotFinite("distance"))
+        }
+    }
+
+    /// Increment for the present query.
+    fn answer(&mut self) -> Result<(), TrackError> {
+        let am = &self.probe.am;
+        self.index.find(am, &self.features, &self.query, &mut self.near);
+        let near = &self.near.found;
+        let nearest = near.first().ok_or(TrackError::NotFinite("distance"))?.1;
+        let s = self.delta.len();
+        let row = |i: usize| &self.increments[i * s..(i + 1) * s];
+        let combined = self.params.neighbours > 1
+            && self
+                .reconstruction
+                .solve(&self.query, &self.features, near, self.params.ridge);
+        if combined {
+            self.delta.fill(0.0);
+            for (&(_, i), w) in near.iter().zip(&self.reconstruction.weights) {
+                self.delta.iter_mut().zip(row(i)).for_each(|(d, v)| *d += w * v);
+            }
+        } else {
+            self.delta.copy_from_slice(row(nearest));
+        }
+        Ok(())
+    }
+
+    fn search(&mut self, image: &Image, b: &mut Buffers) -> Result<(Stop, u32), TrackError> {
+        let how = self.increment();
+        let mut least = f32::INFINITY;
+        let mut iterations = 0;
+        let mut stop = Stop::MaxIterations;
+        while iterations < self.params.max_iters {
+            iterations += 1;
+            let distance = self.ask(image, b)?;
+            if distance < least {
+                least = distance;
+                self.best.copy_from_slice(self.probe.ssm.state());
+            }
+            self.answer()?;
+            let before = self.probe.ssm.corners();
+            self.accepted.copy_from_slice(self.probe.ssm.state());
+            self.probe.ssm.update(how, &self.delta)?;
+            self.probe.check(image)?;
+            if self.probe.ssm.motion_squared(&before, &self.accepted) < self.params.epsilon {
+                stop = Stop::Converged;
+                break;
+            }
+        }
+        // Steps between samples may go to and fro: the place that looks most like the template counts.
+        if self.ask(image, b).is_ok_and(|distance| distance > least) {
+            self.probe.ssm.set_state(&self.best)?;
+        }
+        Ok((stop, iterations as u32))
+    }
+}
+
+impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Nn<A, S> {
+    fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        let image = frame.with_channels(self.channels());
+        let mut ws = self.probe.workspace();
+        self.probe.start(image, corners, &mut ws)?;
+        self.collect(image, &mut ws)?;
+        let am = &self.probe.am;
+        let p = &self.params;
+        let kind = match (p.index, am.capabilities().metric) {
+            (IndexKind::Auto, Metric::SquaredL2) => IndexKind::Kd,
+            (IndexKind::Auto, Metric::L1) => IndexKind::Linear,
+            (IndexKind::Auto, Metric::Other) => IndexKind::Fgnn,
+            (kind, _) => kind,
+        };
+        let settings = IndexSettings {
+            kind,
+            candidates: p.candidates,
+            degree: p.degree,
+            max_steps: p.max_steps,
+        };
+        self.index = Index::new(am, &self.features, settings);
+        let (k, s, len) = (
+            p.neighbours.min(p.n_samples),
+            self.probe.ssm.dof(),
+            self.features.len,
+        );
+        self.near = Nearest::new(k);
+        self.reconstruction = Reconstruction::new(k, len);
+        self.query = vec![0.0; len];
+        self.delta = vec![0.0; s];
+        self.accepted = vec![0.0; s];
+        self.best = vec![0.0; s];
+        self.probe.ready();
+        Ok(())
+    }
+
+    fn update(&mut self, frame: &Frame) -> Result<Update, TrackError> {
+        self.probe.check_started()?;
+        let image = frame.with_channels(self.channels());
+        let mut ws = self.probe.workspace();
+        self.probe.ssm.begin_frame();
+        self.probe.am.begin_frame();
+        self.accepted.copy_from_slice(self.probe.ssm.state());
+        let found = self
+            .search(image, &mut ws)
+            .and_then(|done| Ok((done, self.probe.similarity(image, &mut ws)?)));
+        match found {
+            Ok(((stop, iterations), similarity)) => Ok(Update {
+                corners: self.probe.ssm.corners(),
+                stop,
+                iterations,
+                similarity,
+            }),
+            Err(e) => {
+                // The step that led nowhere is undone.
+                self.probe.ssm.set_state(&self.accepted)?;
+                Err(e)
+            }
+        }
+    }
+
+    fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
+        if self.probe.set_region(corners)?.is_none() {
+            return Ok(());
+        }
+        // Another base: what led from the first base to a region now leads from the new one to that region's image.
+        let ssm = &self.probe.ssm;
+        let base = ssm.base_corners();
+        let carry = homography::from_corners(&self.base, &base)
+            .ok_or(TrackError::BadRegion("corners are no convex quadrilateral"))?;
+        let s = self.delta.len();
+        for (d, region) in self.increments.chunks_exact_mut(s).zip(&self.regions) {
+            let to = homography::apply_corners(&carry, region);
+            if ssm.fit_into(&base.0, &to.0, d).is_err() {
+                d.fill(0.0);
+            }
+        }
+        Ok(())
+    }
+
+    fn corners(&self) -> Corners {
+        self.probe.ssm.corners()
+    }
+
+    fn reseed(&mut self, seed: u64) {
+        self.seed = seed;
+    }
+
+    fn channels(&self) -> usize {
+        self.probe.sampling.channels.count()
+    }
+
+    fn memory(&self) -> usize {
+        // Before `init` the feature's length is not known; patches are of that order.
+        let len = self.features.len.max(self.probe.sampling.shape().len());
+        let sample = 4 * len + 8 * (self.probe.ssm.dof() + 8);
+        self.probe.memory() + self.params.n_samples * sample + self.index.memory()
+    }
+}
+
+type AllParams = (SamplingParams, NnParams);
+
+/// The table row.
+pub(super) const ENTRY: SmEntry = SmEntry {
+    name: "nn",
+    aliases: &["nearest_neighbour"],
+    groups: &["stochastic"],
+    summary: "nearest neighbour among samples of the first frame",
+    params: AllParams::info,
+    refuses: |_, _| None,
+    refuses_ssm: |_| None,
+    build: |a, am, ssm| {
+        let (sampling, params) = AllParams::from_assignments(a)?;
+        let refused = |name, value: String, allowed: &str| {
+            Err(ParamError::Value {
+                name,
+                value,
+                allowed: format!(
+                    "{allowed} with an appearance model whose distances are not those of vectors"
+                ),
+            })
+        };
+        let metric = am.capabilities().metric;
+        if params.index == IndexKind::Kd && metric != Metric::SquaredL2 {
+            return refused("index", params.index.text(), "auto, linear, gnn, fgnn");
+        }
+        if params.neighbours > 1 && metric == Metric::Other {
+            return refused("neighbours", params.neighbours.text(), "1");
+        }
+        Ok(Box::new(Nn::with_params(sampling, params, am, ssm)))
+    },
+    build_lit: None,
+    canonical: |a, name| Ok(AllParams::from_assignments(a)?.get(name)),
+};

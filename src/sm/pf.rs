@@ -1,0 +1,503 @@
+//! PF, particle filter (Isard & Blake 1998; Kwon, Lee & Park 2009 on warps): a cloud of states, moved at random, weighted by
+//! how well each explains the frame, and resampled.
+//!
+//! Weights are `exp(β f)` with `β` chosen anew each time such that the effective number of particles, `(Σw)²/Σw²`, is a given
+//! share of all: the same for every appearance model, whatever the scale of its `f`. With several passes per frame each
+//! one searches around the last with smaller steps.
+
+use super::SmEntry;
+use super::gradient::Learning;
+use super::probe::Probe;
+use super::resample::{Resampling, effective, resample, temper};
+use super::sampling::SamplingParams;
+use super::workspace::Buffers;
+use crate::am::AppearanceModel;
+use crate::geom::Corners;
+use crate::image::{Frame, Image};
+use crate::params::{Params, param_enum};
+use crate::ssm::{
+    Dynamics, Increment, Mean, Perturbation, SampleUnit, Sampler, SigmaSets, StateSpaceModel, mean_into,
+};
+use crate::tracker::{Stop, TrackError, Tracker, Update};
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
+
+param_enum! {
+    /// Weight of a particle.
+    pub enum Likelihood {
+        /// `exp(β f)`, `β` from the effective number of particles.
+        Tempered = "tempered",
+        /// The appearance model's own.
+        Am = "am",
+        /// `exp(-m / 2σ)`.
+        Gaussian = "gaussian",
+        /// `1 / (1 + m)`.
+        Reciprocal = "reciprocal",
+    }
+}
+
+param_enum! {
+    /// What is returned.
+    pub enum Estimate {
+        /// The particle of the largest weight.
+        Best = "best",
+        /// Weighted mean of the states.
+        State = "state",
+        /// Weighted mean of the warped corners.
+        Corners = "corners",
+        /// Weighted mean in the matrix group.
+        Group = "group",
+    }
+}
+
+param_enum! {
+    /// How a step changes a state.
+    pub enum Step {
+        /// Added to it.
+        Additive = "additive",
+        /// Composed with it (warps that do not compose: added).
+        Compositional = "compositional",
+    }
+}
+
+crate::params! {
+    /// Parameters of the particle filter.
+    pub struct PfParams {
+        /// Particles.
+        n_particles: usize = 500, in 1..=1_000_000;
+        /// Passes per frame.
+        max_iters: usize = 1, in 1..=1000;
+        /// Passes end when the estimate's corners move less than this: squared, summed over all eight coordinates; px².
+        epsilon: f64 = 1e-4, in 0.0..=1e6;
+        /// Motion: random_walk or ar1 (the last motion, damped, and a random step). Later passes of a frame walk at random.
+        dynamics: Dynamics = Dynamics::Ar1;
+        /// Share of the last motion that ar1 expects again.
+        ar_factor: f64 = 0.8, in 0.0..=1.0;
+        /// Steps are additive or compositional.
+        update: Step = Step::Compositional;
+        /// What is disturbed: corners, points or params.
+        perturb: Perturbation = Perturbation::Corners;
+        /// Unit of sigma: px or side (of the region as a square).
+        unit: SampleUnit = SampleUnit::Pixels;
+        /// Deviations of random steps: common shift and single coordinate (COMMON:SINGLE), or one per parameter; sets separated
+        /// by '|' share the particles.
+        sigma: SigmaSets = SigmaSets(vec![vec![2.5, 2.5]]);
+        /// Factor of the deviations from pass to pass.
+        shrink: f64 = 0.6, in 0.01..=1.0;
+        /// Weights: tempered, am, gaussian or reciprocal. With m = f(T,T) - f, divided by f(T,T), or where that is 0 by the
+        /// number of values: gaussian exp(-m / 2 measurement_sigma), reciprocal 1 / (1 + m).
+        likelihood: Likelihood = Likelihood::Tempered;
+        /// Tempered weights: effective particles as a share of all.
+        effective_share: f64 = 0.05, in 1e-4..=1.0;
+        /// Deviation of gaussian weights.
+        measurement_sigma: f64 = 0.002, in 1e-9..=1e9;
+        /// none, binary (multinomial, binary search), linear (multinomial, linear search), residual or systematic.
+        resampling: Resampling = Resampling::Systematic;
+        /// Resample only when the effective share of the particles is at most this; 0: always.
+        adaptive_resampling: f64 = 0.0, in 0.0..=1.0;
+        /// Estimate: best, state, corners or group (mean).
+        mean: Estimate = Estimate::Corners;
+        /// After each pass all particles go to the estimate.
+        reset_to_mean: bool = true;
+        /// Sets of deviations get particles by how well theirs did.
+        adapt_sets: bool = false;
+        /// Share of an even split that each set keeps.
+        min_set_share: f64 = 0.1, in 0.0..=1.0;
+        /// The appearance model learns from each tracked frame: auto (models that need it), 0 or 1.
+        enable_learning: Learning = Learning::Auto;
+    }
+}
+
+/// Particles: `n` states of S numbers, one after the other.
+#[derive(Default)]
+struct Cloud {
+    states: Vec<f64>,
+    /// Damped last motion of each.
+    last: Vec<f64>,
+    /// Where resampling writes.
+    spare: [Vec<f64>; 2],
+    /// Logarithms of the weights carried over while no resampling takes place.
+    carried: Vec<f64>,
+    scores: Vec<f64>,
+    weights: Vec<f64>,
+    chosen: Vec<usize>,
+    /// Share of each set of deviations.
+    shares: Vec<f64>,
+    /// Set of each particle.
+    sets: Vec<usize>,
+}
+
+/// Particle filter over appearance model `A` and warp `S`.
+pub struct Pf<A, S> {
+    /// Search parameters; changes take effect at the next `init`.
+    pub params: PfParams,
+    probe: Probe<A, S>,
+    sampler: Sampler,
+    cloud: Cloud,
+    rng: Pcg64,
+    seed: u64,
+    /// `f(T, T)` and what differences from it are divided by.
+    scale: [f64; 2],
+    /// Estimate, the one before it, the state of the last frame.
+    estimate: Vec<f64>,
+    frame_start: Vec<f64>,
+    motion: Vec<f64>,
+}
+
+impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
+    /// With default parameters.
+    pub fn new(am: A, ssm: S) -> Self {
+        Self::with_params(SamplingParams::default(), PfParams::default(), am, ssm)
+    }
+
+    /// With all parameters.
+    pub fn with_params(sampling: SamplingParams, params: PfParams, am: A, ssm: S) -> Self {
+        Pf {
+            params,
+            probe: Probe::new(sampling, am, ssm),
+            sampler: Sampler::default(),
+            cloud: Cloud::default(),
+            rng: Pcg64::seed_from_u64(0),
+            seed: 0,
+            scale: [0.0, 1.0],
+            estimate: Vec::new(),
+            frame_start: Vec::new(),
+            motion: Vec::new(),
+        }
+    }
+
+    /// Gathers all particles at the present state, moving on as `motion` says.
+    fn gather(&mut self) {
+        let s = self.estimate.len();
+        self.estimate.copy_from_slice(self.probe.ssm.state());
+        for p in self.cloud.states.chunks_exact_mut(s) {
+            p.copy_from_slice(&self.estimate);
+        }
+        for r in self.cloud.last.chunks_exact_mut(s) {
+            r.copy_from_slice(&self.motion);
+        }
+        self.cloud.carried.fill(0.0);
+    }
+
+    /// Deals the particles to the sets of deviations by the sets' shares, neighbours to different ones: resampling leaves the
+    /// offspring of one particle side by side.
+    fn deal(&mut self) {
+        let Cloud { sets, shares, .. } = &mut self.cloud;
+        let n = sets.len();
+        let stride = (1 + (0.618 * n as f64) as usize..)
+            .find(|&k| gcd(k, n) == 1)
+            .unwrap_or(1);
+        let (mut set, mut until) = (0, shares[0]);
+        for i in 0..n {
+            while (i as f64 + 0.5) / n as f64 > until && set + 1 < shares.len() {
+                set += 1;
+                until += shares[set];
+            }
+            sets[i * stride % n] = set;
+        }
+    }
+
+    /// Moves every particle and scores it.
+    fn scatter(&mut self, image: &Image, pass: usize, b: &mut Buffers) {
+        let s = self.estimate.len();
+        let dynamics = if pass == 0 {
+            self.params.dynamics
+        } else {
+            Dynamics::RandomWalk
+        };
+        let how = match self.params.update {
+            Step::Additive => Increment::Additive,
+            Step::Compositional => Increment::Compositional,
+        };
+        let factor = self.params.shrink.powi(pass as i32);
+        for (now, first) in self.sampler.sigma.0.iter_mut().zip(&self.params.sigma.0) {
+            now.iter_mut().zip(first).for_each(|(v, f)| *v = factor * f);
+        }
+        let Cloud {
+            states,
+            last,
+            scores,
+            sets,
+            ..
+        } = &mut self.cloud;
+        let particles = states.chunks_exact_mut(s).zip(last.chunks_exact_mut(s));
+        for (((p, r), score), &set) in particles.zip(scores).zip(&*sets) {
+            let (ssm, rng) = (&mut self.probe.ssm, &mut self.rng);
+            let moved = self.sampler.transition(set, ssm, dynamics, how, rng, p, r);
+            // A particle that cannot move stays.
+            let there = moved.or_else(|_| self.probe.ssm.set_state(p));
+            let f = there.and_then(|()| self.probe.similarity(image, b));
+            *score = match f {
+                Ok(_) if self.params.likelihood == Likelihood::Am => {
+                    libm::log(self.probe.am.likelihood().max(f64::MIN_POSITIVE))
+                }
+                Ok(f) => f,
+                Err(_) => f64::NEG_INFINITY,
+            };
+            if score.is_nan() {
+                *score = f64::NEG_INFINITY;
+            }
+        }
+    }
+
+    /// Weights from scores; false when no particle has any.
+    fn weigh(&mut self) -> bool {
+        let Cloud {
+            scores,
+            carried,
+            weights,
+            ..
+        } = &mut self.cloud;
+        let [top, scale] = self.scale;
+        let log = |f: f64| {
+            let m = ((top - f) / scale).max(0.0);
+            match self.params.likelihood {
+                Likelihood::Tempered | Likelihood::Am => f,
+                Likelihood::Gaussian => -0.5 * m / self.params.measurement_sigma,
+                Likelihood::Reciprocal => -libm::log1p(m),
+            }
+        };
+        scores.iter_mut().for_each(|f| *f = log(*f));
+        if scores.iter().all(|f| *f == f64::NEG_INFINITY) {
+            return false;
+        }
+        let share = match self.params.likelihood {
+            Likelihood::Tempered => Some(self.params.effective_share),
+            _ => None,
+        };
+        temper(scores, carried, share, weights);
+        true
+    }
+
+    /// Puts the warp at the estimate.
+    fn conclude(&mut self) -> Result<(), TrackError> {
+        let Cloud { states, weights, .. } = &self.cloud;
+        let s = self.estimate.len();
+        let kind = match self.params.mean {
+            Estimate::Best => None,
+            Estimate::State => Some(Mean::State),
+            Estimate::Corners => Some(Mean::Corners),
+            Estimate::Group => Some(Mean::Group),
+        };
+        let ssm = &mut self.probe.ssm;
+        let mean = kind.map(|kind| {
+            mean_into(kind, ssm, states, weights, &mut self.estimate)
+                .and_then(|()| ssm.set_state(&self.estimate))
+        });
+        if mean.is_none_or(|m| m.is_err()) {
+            let best = (0..weights.len()).fold(0, |a, b| if weights[b] > weights[a] { b } else { a });
+            ssm.set_state(&states[best * s..(best + 1) * s])?;
+        }
+        Ok(())
+    }
+
+    /// Shares of the sets from the mean weight of their particles.
+    fn reward_sets(&mut self) {
+        let Cloud {
+            shares,
+            sets,
+            weights,
+            ..
+        } = &mut self.cloud;
+        let floor = self.params.min_set_share / shares.len() as f64;
+        for (d, share) in shares.iter_mut().enumerate() {
+            let mine = || sets.iter().zip(&*weights).filter(|(set, _)| **set == d);
+            *share = mine().map(|(_, w)| w).sum::<f64>() / mine().count().max(1) as f64;
+        }
+        let total: f64 = shares.iter().sum();
+        let free = 1.0 - floor * shares.len() as f64;
+        shares.iter_mut().for_each(|w| *w = floor + free * *w / total);
+    }
+
+    fn renew(&mut self) {
+        let s = self.estimate.len();
+        let n = self.cloud.weights.len();
+        let wanted = self.params.adaptive_resampling;
+        let needed = wanted == 0.0 || effective(&self.cloud.weights) <= wanted * n as f64;
+        let c = &mut self.cloud;
+        if self.params.resampling == Resampling::None || !needed {
+            for (l, w) in c.carried.iter_mut().zip(&c.weights) {
+                *l = libm::log(w.max(f64::MIN_POSITIVE));
+            }
+            return;
+        }
+        resample(
+            self.params.resampling,
+            &c.weights,
+            &mut self.rng,
+            &mut c.carried,
+            &mut c.chosen,
+        );
+        for (values, spare) in [&mut c.states, &mut c.last].into_iter().zip(&mut c.spare) {
+            for (to, &from) in spare.chunks_exact_mut(s).zip(&c.chosen) {
+                to.copy_from_slice(&values[from * s..(from + 1) * s]);
+            }
+            std::mem::swap(values, spare);
+        }
+        c.carried.fill(0.0);
+    }
+
+    fn search(&mut self, image: &Image, b: &mut Buffers) -> Result<(Stop, u32), TrackError> {
+        for pass in 0..self.params.max_iters {
+            let before = self.probe.ssm.corners();
+            self.estimate.copy_from_slice(self.probe.ssm.state());
+            self.deal();
+            self.scatter(image, pass, b);
+            if !self.weigh() {
+                return Err(TrackError::NotFinite("similarity of all particles"));
+            }
+            let from = self.estimate.clone();
+            self.conclude()?;
+            self.probe.check(image)?;
+            if self.params.adapt_sets {
+                self.reward_sets();
+            }
+            let settled = self.probe.ssm.motion_squared(&before, &from) < self.params.epsilon;
+            let last = settled || pass + 1 == self.params.max_iters;
+            if self.params.reset_to_mean {
+                if last && self.params.dynamics == Dynamics::Ar1 {
+                    let ssm = &self.probe.ssm;
+                    ssm.relative_into(&self.frame_start, ssm.state(), &mut self.motion)?;
+                    let factor = self.params.ar_factor;
+                    self.motion.iter_mut().for_each(|m| *m *= factor);
+                }
+                self.gather();
+            } else {
+                self.renew();
+            }
+            if last {
+                let stop = if settled { Stop::Converged } else { Stop::Done };
+                return Ok((stop, pass as u32 + 1));
+            }
+        }
+        Ok((Stop::Done, self.params.max_iters as u32))
+    }
+
+    /// Forgets all motion.
+    fn rest(&mut self) {
+        self.motion.fill(0.0);
+        self.gather();
+    }
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Pf<A, S> {
+    fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        let image = frame.with_channels(self.channels());
+        let mut ws = self.probe.workspace();
+        self.probe.start(image, corners, &mut ws)?;
+        let top = self.probe.am.similarity();
+        let size = if top == 0.0 {
+            self.probe.sampling.shape().len() as f64
+        } else {
+            top.abs()
+        };
+        self.scale = [top, size];
+        let p = &self.params;
+        self.sampler = Sampler::new(p.perturb, p.unit, p.sigma.clone());
+        self.sampler.ar_factor = p.ar_factor;
+        self.sampler.check(&self.probe.ssm)?;
+        let (n, s) = (p.n_particles, self.probe.ssm.dof());
+        let sets = p.sigma.0.len();
+        self.cloud = Cloud {
+            states: vec![0.0; n * s],
+            last: vec![0.0; n * s],
+            spare: [vec![0.0; n * s], vec![0.0; n * s]],
+            carried: vec![0.0; n],
+            scores: vec![0.0; n],
+            weights: vec![0.0; n],
+            chosen: vec![0; n],
+            shares: vec![1.0 / sets as f64; sets],
+            sets: vec![0; n],
+        };
+        self.estimate = vec![0.0; s];
+        self.frame_start = vec![0.0; s];
+        self.motion = vec![0.0; s];
+        self.rng = Pcg64::seed_from_u64(self.seed);
+        self.rest();
+        self.probe.ready();
+        Ok(())
+    }
+
+    fn update(&mut self, frame: &Frame) -> Result<Update, TrackError> {
+        self.probe.check_started()?;
+        let image = frame.with_channels(self.channels());
+        let mut ws = self.probe.workspace();
+        self.probe.ssm.begin_frame();
+        self.probe.am.begin_frame();
+        self.frame_start.copy_from_slice(self.probe.ssm.state());
+        // The first patch of a frame is the one at the old place: some models estimate the light from it.
+        let _ = self.probe.similarity(image, &mut ws);
+        let found = self
+            .search(image, &mut ws)
+            .and_then(|done| Ok((done, self.probe.similarity(image, &mut ws)?)));
+        match found {
+            Ok(((stop, iterations), similarity)) => {
+                let learns = match self.params.enable_learning {
+                    Learning::Auto => self.probe.am.needs_learning(),
+                    Learning::Off => false,
+                    Learning::On => true,
+                };
+                if learns {
+                    self.probe.am.learn(&ws.values);
+                }
+                Ok(Update {
+                    corners: self.probe.ssm.corners(),
+                    stop,
+                    iterations,
+                    similarity,
+                })
+            }
+            Err(e) => {
+                self.probe.ssm.set_state(&self.frame_start)?;
+                self.rest();
+                Err(e)
+            }
+        }
+    }
+
+    fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
+        self.probe.set_region(corners)?;
+        self.rest();
+        Ok(())
+    }
+
+    fn corners(&self) -> Corners {
+        self.probe.ssm.corners()
+    }
+
+    fn reseed(&mut self, seed: u64) {
+        self.seed = seed;
+    }
+
+    fn channels(&self) -> usize {
+        self.probe.sampling.channels.count()
+    }
+
+    fn memory(&self) -> usize {
+        let particle = 8 * (4 * self.probe.ssm.dof() + 5);
+        self.probe.memory() + particle * self.params.n_particles
+    }
+}
+
+type AllParams = (SamplingParams, PfParams);
+
+/// The table row.
+pub(super) const ENTRY: SmEntry = SmEntry {
+    name: "pf",
+    aliases: &["particle_filter"],
+    groups: &["stochastic"],
+    summary: "particle filter",
+    params: AllParams::info,
+    refuses: |_, _| None,
+    refuses_ssm: |_| None,
+    build: |a, am, ssm| {
+        let (sampling, params) = AllParams::from_assignments(a)?;
+        Ok(Box::new(Pf::with_params(sampling, params, am, ssm)))
+    },
+    build_lit: None,
+    canonical: |a, name| Ok(AllParams::from_assignments(a)?.get(name)),
+};

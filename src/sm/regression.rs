@@ -1,0 +1,335 @@
+//! Learned regression (Jurie & Dhome 2002, hyperplane approximation; coarse to fine as in Zimmermann, Matas & Svoboda 2009):
+//! at the start the region is sampled under many random warps, and ridge regression learns how features of a patch tell
+//! the motion that made it. In place of a regression network: one linear layer per level.
+//!
+//! A level learns from motions of one size; a frame passes the levels from coarse to fine and repeats the last one; steps
+//! that make the patch less similar are not taken. Patches are means over cells of the sampling grid, which keeps out what the
+//! cells cannot resolve. Motions are those of the four corners, so that any warp that composes takes the increment that fits
+//! them best.
+
+use super::SmEntry;
+use super::probe::{Probe, number};
+use super::ridge::ridge;
+use super::sampling::SamplingParams;
+use super::workspace::Buffers;
+use crate::am::{AppearanceModel, Metric, PatchShape};
+use crate::geom::{Corners, homography};
+use crate::image::{Frame, Image};
+use crate::kernels;
+use crate::params::{Params, Resolution};
+use crate::ssm::{Increment, Perturbation, SampleUnit, Sampler, SigmaSets, StateSpaceModel};
+use crate::tracker::{Stop, TrackError, Tracker, Update};
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
+
+crate::params! {
+    /// Parameters of learned regression.
+    pub struct RegressionParams {
+        /// Samples per level.
+        n_samples: usize = 1000, in 2..=1_000_000;
+        /// Most steps per frame: one per level, the others at the last.
+        max_iters: usize = 10, in 1..=100_000;
+        /// Converged when the corners' squared motion, summed over all eight coordinates, falls below this; px².
+        epsilon: f64 = 1e-4, in 0.0..=1e6;
+        /// What is disturbed: corners, points or params.
+        perturb: Perturbation = Perturbation::Corners;
+        /// Unit of sigma: px or side (of the region as a square).
+        unit: SampleUnit = SampleUnit::Pixels;
+        /// Deviations of samples, a set per level, the coarsest first: common shift and single coordinate (COMMON:SINGLE), or one
+        /// per parameter.
+        sigma: SigmaSets = SigmaSets([16.0, 8.0, 4.0, 2.0, 1.0].iter().map(|t| vec![*t, 0.5 * t]).collect());
+        /// Ridge as a share of the inputs' mean square.
+        ridge: f64 = 0.1, in 1e-9..=1e3;
+        /// Samples along each side of a cell.
+        pool: usize = 2, in 1..=100;
+    }
+}
+
+/// Coordinates of four corners.
+const OUTPUTS: usize = 8;
+
+/// Learned regression over appearance model `A` and warp `S`.
+pub struct Regression<A, S> {
+    /// Search parameters; changes take effect at the next `init`.
+    pub params: RegressionParams,
+    probe: Probe<A, S>,
+    seed: u64,
+    /// Feature of the template.
+    template: Vec<f32>,
+    /// Per level: motion of the corners (base, px) for each number of a feature less the template's; a row per coordinate.
+    levels: Vec<Vec<f32>>,
+    /// Corners of the base in which the levels were learned.
+    base: Corners,
+    cells: Vec<f32>,
+    feature: Vec<f32>,
+    delta: Vec<f64>,
+    accepted: Vec<f64>,
+}
+
+/// Means over `pool x pool` cells of the patch; cells differ in size by one sample where the sides are no multiples.
+fn pool_into(patch: &[f32], shape: PatchShape, small: Resolution, out: &mut [f32]) {
+    let Resolution { cols, rows } = shape.res;
+    let bounds = |k: usize, n: usize, count: usize| k * count / n..(k + 1) * count / n;
+    for (c, plane) in patch.chunks_exact(cols * rows).enumerate() {
+        for r in 0..small.rows {
+            for q in 0..small.cols {
+                let (ys, xs) = (bounds(r, small.rows, rows), bounds(q, small.cols, cols));
+                let count = (ys.len() * xs.len()) as f32;
+                let sum: f32 = ys
+                    .map(|y| plane[y * cols..][xs.clone()].iter().sum::<f32>())
+                    .sum();
+                out[(c * small.rows + r) * small.cols + q] = sum / count;
+            }
+        }
+    }
+}
+
+impl<A: AppearanceModel, S: StateSpaceModel> Regression<A, S> {
+    /// With default parameters.
+    pub fn new(am: A, ssm: S) -> Self {
+        Self::with_params(SamplingParams::default(), RegressionParams::default(), am, ssm)
+    }
+
+    /// With all parameters.
+    pub fn with_params(sampling: SamplingParams, params: RegressionParams, am: A, ssm: S) -> Self {
+        Regression {
+            params,
+            probe: Probe::new(sampling, am, ssm),
+            seed: 0,
+            template: Vec::new(),
+            levels: Vec::new(),
+            base: Corners::default(),
+            cells: Vec::new(),
+            feature: Vec::new(),
+            delta: Vec::new(),
+            accepted: Vec::new(),
+        }
+    }
+
+    /// Shape of the pooled patch.
+    fn shape(&self) -> PatchShape {
+        let Resolution { cols, rows } = self.probe.sampling.res;
+        let side = |n: usize| (n / self.params.pool).clamp(2, n);
+        PatchShape {
+            res: Resolution {
+                cols: side(cols),
+                rows: side(rows),
+            },
+            channels: self.channels(),
+        }
+    }
+
+    /// Pools the patch in `b` and takes its feature, less the template's.
+    fn describe(&mut self, b: &Buffers) {
+        pool_into(
+            &b.values,
+            self.probe.sampling.shape(),
+            self.shape().res,
+            &mut self.cells,
+        );
+        self.probe.am.feature_into(&self.cells, &mut self.feature);
+        for (f, t) in self.feature.iter_mut().zip(&self.template) {
+            *f -= t;
+        }
+    }
+
+    /// Learns one level.
+    fn learn_level(&mut self, image: &Image, level: usize, b: &mut Buffers) -> Result<Vec<f32>, TrackError> {
+        let p = &self.params;
+        let mut sampler = Sampler::new(p.perturb, p.unit, p.sigma.clone());
+        sampler.check(&self.probe.ssm)?;
+        let (n, s, inputs) = (p.n_samples, self.delta.len(), self.template.len());
+        let kappa = p.ridge;
+        let (mut x, mut y) = (vec![0.0; n * inputs], vec![0.0; n * OUTPUTS]);
+        let mut work = vec![0.0; 2 * s];
+        let home = vec![0.0; s];
+        let mut rng = Pcg64::seed_from_u64(self.seed.wrapping_add(level as u64));
+        let from = self.base.to_array();
+        for (x, y) in x.chunks_exact_mut(inputs).zip(y.chunks_exact_mut(OUTPUTS)) {
+            self.probe
+                .look_around(image, &mut sampler, level, &mut rng, &mut work, b)?;
+            self.describe(b);
+            x.copy_from_slice(&self.feature);
+            let ssm = &self.probe.ssm;
+            ssm.relative_into(ssm.state(), &home, &mut self.delta)?;
+            let to = ssm.corners_at(&self.delta).to_array();
+            y.iter_mut()
+                .zip(to.iter().zip(from))
+                .for_each(|(y, (t, f))| *y = t - f);
+        }
+        self.probe.ssm.set_state(&home)?;
+        ridge(&x, &y, inputs, OUTPUTS, kappa).ok_or(TrackError::Singular)
+    }
+
+    /// One step with a level.
+    fn step(&mut self, image: &Image, level: usize, b: &mut Buffers) -> Result<(), TrackError> {
+        self.probe.look(image, b)?;
+        self.describe(b);
+        let motion = |o: usize| {
+            let n = self.feature.len();
+            kernels::dot(&self.levels[level][o * n..(o + 1) * n], &self.feature)
+        };
+        let mut to = self.base.to_array();
+        to.iter_mut().enumerate().for_each(|(o, v)| *v += motion(o));
+        if to.iter().any(|v| !v.is_finite()) {
+            return Err(TrackError::NotFinite("motion"));
+        }
+        let mut to = Corners::from_array(to);
+        let ssm = &mut self.probe.ssm;
+        let base = ssm.base_corners();
+        if base != self.base {
+            let carry = homography::from_corners(&self.base, &base)
+                .ok_or(TrackError::BadRegion("corners are no convex quadrilateral"))?;
+            to = homography::apply_corners(&carry, &to);
+        }
+        ssm.fit_into(&base.0, &to.0, &mut self.delta)?;
+        ssm.update(Increment::Compositional, &self.delta)?;
+        self.probe.check(image)
+    }
+
+    fn search(&mut self, image: &Image, b: &mut Buffers) -> Result<(Stop, u32), TrackError> {
+        let last = self.levels.len() - 1;
+        let steps = self.params.max_iters.max(last + 1);
+        let mut best = self.similarity(image, b)?;
+        if best.is_nan() {
+            return Err(TrackError::NotFinite("similarity"));
+        }
+        for k in 0..steps {
+            let before = self.probe.ssm.corners();
+            self.accepted.copy_from_slice(self.probe.ssm.state());
+            let f = self
+                .step(image, k.min(last), b)
+                .and_then(|()| self.similarity(image, b))
+                .unwrap_or(f64::NEG_INFINITY);
+            // A level that sees what it has not learned leads away: the finer ones take over from the old place.
+            let better = f > best;
+            if better {
+                best = f;
+            } else {
+                self.probe.ssm.set_state(&self.accepted)?;
+            }
+            let still = self.probe.ssm.motion_squared(&before, &self.accepted) < self.params.epsilon;
+            if k >= last && (still || !better) {
+                return Ok((Stop::Converged, k as u32 + 1));
+            }
+        }
+        Ok((Stop::MaxIterations, steps as u32))
+    }
+
+    /// Similarity of the pooled patch at the present state.
+    fn similarity(&mut self, image: &Image, b: &mut Buffers) -> Result<f64, TrackError> {
+        self.probe.look(image, b)?;
+        self.describe(b);
+        self.probe.am.set_current(&self.cells);
+        number(self.probe.am.similarity())
+    }
+}
+
+impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Regression<A, S> {
+    fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        let image = frame.with_channels(self.channels());
+        let mut ws = self.probe.workspace();
+        self.probe.place(image, corners, &mut ws)?;
+        let shape = self.shape();
+        self.cells = vec![0.0; shape.len()];
+        pool_into(
+            &ws.values,
+            self.probe.sampling.shape(),
+            shape.res,
+            &mut self.cells,
+        );
+        self.probe.am.set_template(shape, &self.cells)?;
+        let inputs = self.probe.am.feature_len();
+        self.template = vec![0.0; inputs];
+        self.feature = vec![0.0; inputs];
+        self.probe.am.feature_into(&self.cells, &mut self.template);
+        self.delta = vec![0.0; self.probe.ssm.dof()];
+        self.accepted = self.delta.clone();
+        self.base = self.probe.ssm.base_corners();
+        self.levels = (0..self.params.sigma.0.len())
+            .map(|level| self.learn_level(image, level, &mut ws))
+            .collect::<Result<_, _>>()?;
+        self.probe.ready();
+        Ok(())
+    }
+
+    fn update(&mut self, frame: &Frame) -> Result<Update, TrackError> {
+        self.probe.check_started()?;
+        let image = frame.with_channels(self.channels());
+        let mut ws = self.probe.workspace();
+        self.probe.ssm.begin_frame();
+        self.probe.am.begin_frame();
+        let (stop, iterations) = self.search(image, &mut ws)?;
+        let similarity = self.similarity(image, &mut ws)?;
+        Ok(Update {
+            corners: self.probe.ssm.corners(),
+            stop,
+            iterations,
+            similarity,
+        })
+    }
+
+    fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
+        self.probe.set_region(corners)?;
+        Ok(())
+    }
+
+    fn corners(&self) -> Corners {
+        self.probe.ssm.corners()
+    }
+
+    fn reseed(&mut self, seed: u64) {
+        self.seed = seed;
+    }
+
+    fn channels(&self) -> usize {
+        self.probe.sampling.channels.count()
+    }
+
+    fn memory(&self) -> usize {
+        let inputs = self.shape().len();
+        self.probe.memory() + 4 * inputs * (OUTPUTS * self.params.sigma.0.len() + 3)
+    }
+}
+
+type AllParams = (SamplingParams, RegressionParams);
+
+/// The table row.
+pub(super) const ENTRY: SmEntry = SmEntry {
+    name: "regression",
+    aliases: &["lr"],
+    groups: &["learned"],
+    summary: "ridge regression from patch to motion, learned on the first frame, coarse to fine",
+    params: AllParams::info,
+    refuses: |_, am| (am.metric != Metric::SquaredL2).then_some("has no features with Euclidean distances"),
+    refuses_ssm: |ssm| (!ssm.compositional).then_some("does not compose"),
+    build: |a, am, ssm| {
+        let (sampling, params) = AllParams::from_assignments(a)?;
+        Ok(Box::new(Regression::with_params(sampling, params, am, ssm)))
+    },
+    build_lit: None,
+    canonical: |a, name| Ok(AllParams::from_assignments(a)?.get(name)),
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_are_means() {
+        let shape = PatchShape {
+            res: Resolution { cols: 5, rows: 4 },
+            channels: 2,
+        };
+        let patch: Vec<f32> = (0..40).map(|v| v as f32).collect();
+        let small = Resolution { cols: 2, rows: 2 };
+        let mut out = [0.0; 8];
+        pool_into(&patch, shape, small, &mut out);
+        // Columns 0, 1 and 2, 3, 4; rows 0, 1 and 2, 3.
+        assert_eq!(out, [3.0, 5.5, 13.0, 15.5, 23.0, 25.5, 33.0, 35.5]);
+        let same = shape.res;
+        let mut copy = [0.0; 40];
+        pool_into(&patch, shape, same, &mut copy);
+        assert_eq!(copy[..], patch[..]);
+    }
+}

@@ -1,0 +1,346 @@
+//! Grids of points and of trackers, straight lines and key points, on scenes made of the textures the crate draws.
+
+use mtf_eval::compose::{
+    FeatureParams, FeatureTracker, Grid, GridReset, KltGrid, LineParams, LineTracker, NodeParams, PatchParams,
+};
+use mtf_eval::estimate::{EstimateMethod, EstimatorParams};
+use mtf_eval::features::MatchParams;
+use mtf_eval::flow::KltParams;
+use mtf_eval::geom::{Corners, Mat3, homography};
+use mtf_eval::image::{Frame, Image};
+use mtf_eval::params::Resolution;
+use mtf_eval::prelude::*;
+use mtf_eval::registry::{Registry, SpecError};
+use mtf_eval::synth::texture;
+
+/// A texture as gray values, sampled bilinearly, mirrored at its borders.
+struct Sheet(image::RgbImage);
+
+impl Sheet {
+    fn new(name: &str) -> Self {
+        Sheet(texture::find(name).unwrap().draw(7))
+    }
+    fn at(&self, x: f64, y: f64) -> f64 {
+        let gray = |x: i64, y: i64| {
+            let mirrored = |v: i64, n: u32| {
+                let v = v.rem_euclid(2 * i64::from(n));
+                v.min(2 * i64::from(n) - 1 - v) as u32
+            };
+            let p = self
+                .0
+                .get_pixel(mirrored(x, self.0.width()), mirrored(y, self.0.height()))
+                .0;
+            0.299 * f64::from(p[0]) + 0.587 * f64::from(p[1]) + 0.114 * f64::from(p[2])
+        };
+        let (lx, ly) = (x.floor(), y.floor());
+        let (dx, dy, i, j) = (x - lx, y - ly, lx as i64, ly as i64);
+        (1.0 - dy) * ((1.0 - dx) * gray(i, j) + dx * gray(i + 1, j))
+            + dy * ((1.0 - dx) * gray(i, j + 1) + dx * gray(i + 1, j + 1))
+    }
+}
+
+/// A board of 200 x 150 px before a background, and something that may cover part of both.
+struct Scene {
+    board: Sheet,
+    background: Sheet,
+    cover: Sheet,
+    /// The board goes on beyond its edges, and there is no background.
+    endless: bool,
+}
+
+const BOARD: [f64; 2] = [200.0, 150.0];
+const SIZE: [usize; 2] = [480, 360];
+
+impl Scene {
+    fn new(endless: bool) -> Self {
+        Scene {
+            endless,
+            board: Sheet::new("painting"),
+            background: Sheet::new("rock"),
+            cover: Sheet::new("foliage"),
+        }
+    }
+
+    /// The board under `m` (board to image); `covered` says which places of the board, or of the image, are hidden.
+    fn frame(&self, m: &Mat3, covered: impl Fn([f64; 2], [f64; 2]) -> bool) -> Frame {
+        let back = m.try_inverse().unwrap();
+        Frame::from_gray(Image::from_fn(SIZE[0], SIZE[1], |x, y| {
+            let mut sum = 0.0;
+            for (i, j) in [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)] {
+                let p = [x as f64 + i, y as f64 + j];
+                let o = homography::apply(&back, p);
+                let inside = self.endless || (0..2).all(|c| o[c] >= 0.0 && o[c] <= BOARD[c]);
+                sum += if covered(o, p) {
+                    self.cover.at(p[0] + 37.0, p[1])
+                } else if inside {
+                    self.board.at(1.6 * o[0] + 60.0, 1.6 * o[1] + 80.0)
+                } else {
+                    self.background.at(p[0], p[1])
+                };
+            }
+            (sum / 4.0) as f32
+        }))
+    }
+
+    fn plain(&self, m: &Mat3) -> Frame {
+        self.frame(m, |_, _| false)
+    }
+}
+
+fn corners(m: &Mat3) -> Corners {
+    homography::apply_corners(m, &Corners::rect(0.0, 0.0, BOARD[0], BOARD[1]))
+}
+
+/// Rotation by `angle`, scale `scale` about the board's middle, which comes to `to`.
+fn pose(angle: f64, scale: f64, to: [f64; 2]) -> Mat3 {
+    let (s, c) = (scale * libm::sin(angle), scale * libm::cos(angle));
+    let (x, y) = (BOARD[0] / 2.0, BOARD[1] / 2.0);
+    Mat3::new(
+        c,
+        -s,
+        to[0] - c * x + s * y,
+        s,
+        c,
+        to[1] - s * x - c * y,
+        0.0,
+        0.0,
+        1.0,
+    )
+}
+
+/// Frame `k` of a motion with perspective, up to three pixels a frame.
+fn motion(k: usize) -> Mat3 {
+    let t = k as f64;
+    let mut m = pose(0.01 * t, 1.0 + 0.006 * t, [220.0 + 1.6 * t, 170.0 + 0.8 * t]);
+    let lean = Mat3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 2e-5 * t, -1.5e-5 * t, 1.0);
+    m *= lean;
+    m
+}
+
+fn distance(a: &Corners, b: &Corners) -> f64 {
+    (a.distance_squared(b) / 4.0).sqrt()
+}
+
+fn lmeds() -> EstimatorParams {
+    EstimatorParams {
+        estimator: EstimateMethod::Lmeds,
+        ..EstimatorParams::default()
+    }
+}
+
+fn klt_grid(nodes: NodeParams) -> KltGrid<Homography> {
+    KltGrid::new(nodes, KltParams::default(), lmeds(), Homography::default())
+}
+
+fn nodes(n: usize) -> NodeParams {
+    NodeParams {
+        size: Resolution { cols: n, rows: n },
+        ..NodeParams::default()
+    }
+}
+
+/// Builds a patch tracker.
+fn member() -> Result<Box<dyn Tracker>, SpecError> {
+    let registry = Registry::builtin();
+    registry.build(&registry.parse("esm/ssd/translation{res=20x20}")?)
+}
+
+fn grid(nodes: NodeParams, grid_reset: GridReset) -> Grid<Homography> {
+    let patch = PatchParams {
+        grid_reset,
+        ..PatchParams::default()
+    };
+    Grid::new(nodes, patch, lmeds(), Homography::default(), member).unwrap()
+}
+
+fn line() -> LineTracker<Homography> {
+    let patch = PatchParams {
+        grid_reset: GridReset::Fixed,
+        ..PatchParams::default()
+    };
+    let lines = LineParams::default();
+    LineTracker::new(nodes(6), patch, lines, lmeds(), Homography::default(), member).unwrap()
+}
+
+fn features() -> FeatureTracker<Homography> {
+    FeatureTracker::new(
+        FeatureParams::default(),
+        MatchParams::default(),
+        EstimatorParams::default(),
+        Homography::default(),
+    )
+}
+
+/// Mean error over the frames of [`motion`].
+fn mean_error(tracker: &mut dyn Tracker, frames: &[Frame]) -> f64 {
+    tracker.reseed(5);
+    tracker.init(&frames[0], &corners(&motion(0))).unwrap();
+    let mut sum = 0.0;
+    for (k, frame) in frames.iter().enumerate().skip(1) {
+        let update = tracker.update(frame).unwrap();
+        assert_eq!(update.corners, tracker.corners());
+        assert!(update.similarity > 0.2, "{k} {}", update.similarity);
+        sum += distance(&update.corners, &corners(&motion(k)));
+    }
+    sum / (frames.len() - 1) as f64
+}
+
+#[test]
+fn every_composite_follows_a_plane() {
+    let scene = Scene::new(true);
+    let frames: Vec<Frame> = (0..12).map(|k| scene.plain(&motion(k))).collect();
+    let checked = NodeParams {
+        grid_fb: 2.0,
+        ..nodes(7)
+    };
+    let cells = NodeParams {
+        grid_cells: true,
+        ..nodes(7)
+    };
+    let trackers: Vec<(&str, Box<dyn Tracker>, f64)> = vec![
+        ("flow", Box::new(klt_grid(nodes(10))), 0.3),
+        ("flow, checked", Box::new(klt_grid(checked.clone())), 0.3),
+        ("flow, cells", Box::new(klt_grid(cells.clone())), 0.5),
+        ("reinit", Box::new(grid(nodes(7), GridReset::Reinit)), 0.4),
+        ("reinit, checked", Box::new(grid(checked, GridReset::Reinit)), 0.4),
+        ("never", Box::new(grid(nodes(7), GridReset::Never)), 0.6),
+        ("move", Box::new(grid(nodes(7), GridReset::Move)), 0.6),
+        ("fixed", Box::new(grid(nodes(7), GridReset::Fixed)), 0.12),
+        ("fixed, cells", Box::new(grid(cells, GridReset::Fixed)), 0.15),
+        ("lines", Box::new(line()), 0.25),
+        ("features", Box::new(features()), 0.6),
+    ];
+    let mut report = String::new();
+    for (name, mut tracker, limit) in trackers {
+        let error = mean_error(tracker.as_mut(), &frames);
+        assert_eq!(
+            error,
+            mean_error(tracker.as_mut(), &frames),
+            "{name} does not repeat"
+        );
+        if error > limit {
+            report += &format!("{name}: {error}\n");
+        }
+        println!("{name}: {error:.3}");
+    }
+    assert!(report.is_empty(), "{report}");
+}
+
+#[test]
+fn points_under_an_occluder_are_rejected() {
+    let scene = Scene::new(true);
+    let (start, moved) = (pose(0.0, 1.0, [220.0, 170.0]), pose(0.0, 1.0, [223.0, 172.0]));
+    let hidden = |x: f64, y: f64| (40.0..130.0).contains(&x) && (30.0..110.0).contains(&y);
+    let first = scene.plain(&start);
+    let second = scene.frame(&moved, |o, _| hidden(o[0], o[1]));
+    let checked = NodeParams {
+        grid_fb: 2.0,
+        ..nodes(10)
+    };
+    let mut tracker = klt_grid(checked);
+    tracker.init(&first, &corners(&start)).unwrap();
+    let update = tracker.update(&second).unwrap();
+    assert!(distance(&update.corners, &corners(&moved)) < 0.3);
+    let mut kept = 0;
+    for (i, inlier) in tracker.inliers().iter().enumerate() {
+        let (x, y) = ((i % 10) as f64 * BOARD[0] / 9.0, (i / 10) as f64 * BOARD[1] / 9.0);
+        // Windows reach 10 px to each side.
+        if hidden(x - 8.0, y - 8.0) && hidden(x + 8.0, y + 8.0) {
+            assert!(!inlier, "({x}, {y}) is hidden");
+        } else if !hidden(x - 14.0, y) && !hidden(x + 14.0, y) && !hidden(x, y - 14.0) && !hidden(x, y + 14.0)
+        {
+            kept += usize::from(*inlier);
+        }
+    }
+    assert!(kept >= 24, "{kept}");
+}
+
+#[test]
+fn composites_say_when_they_are_lost_and_go_on() {
+    let scene = Scene::new(true);
+    let start = pose(0.0, 1.0, [220.0, 170.0]);
+    let frame = scene.plain(&start);
+    let flat = Frame::from_gray(Image::from_fn(SIZE[0], SIZE[1], |_, _| 90.0));
+    let trackers: Vec<(bool, Box<dyn Tracker>)> = vec![
+        (true, Box::new(klt_grid(nodes(10)))),
+        (false, Box::new(grid(nodes(5), GridReset::Fixed))),
+        (false, Box::new(line())),
+        (true, Box::new(features())),
+    ];
+    for (notices, mut tracker) in trackers {
+        assert_eq!(tracker.update(&frame).err(), Some(TrackError::NotInitialised));
+        assert!(tracker.set_region(&corners(&start)).is_err());
+        assert!(tracker.init(&frame, &Corners([[3.0, 3.0]; 4])).is_err());
+        tracker.init(&frame, &corners(&start)).unwrap();
+        let moved = corners(&start).translated(2.0, -1.0);
+        tracker.set_region(&moved).unwrap();
+        assert!(distance(&tracker.corners(), &moved) < 1e-6);
+        assert!(tracker.set_region(&Corners([[f64::NAN; 2]; 4])).is_err());
+        tracker.set_region(&corners(&start)).unwrap();
+        let update = tracker.update(&frame).unwrap();
+        assert!(distance(&update.corners, &corners(&start)) < 0.3);
+        if notices {
+            let before = tracker.corners();
+            assert!(tracker.update(&flat).is_err());
+            assert_eq!(tracker.corners(), before);
+            // The flow has nothing to go by in the frame after an empty one.
+            let _ = tracker.update(&frame);
+            let update = tracker.update(&frame).unwrap();
+            assert!(distance(&update.corners, &corners(&start)) < 0.5);
+        }
+    }
+    let flat_start = |mut t: Box<dyn Tracker>| t.init(&flat, &corners(&start)).is_err();
+    assert!(flat_start(Box::new(features())) && flat_start(Box::new(klt_grid(nodes(10)))));
+    assert!(flat_start(Box::new(grid(nodes(5), GridReset::Fixed))));
+}
+
+#[test]
+fn low_warps_fit_what_they_can() {
+    let scene = Scene::new(true);
+    let (start, moved) = (pose(0.0, 1.0, [220.0, 170.0]), pose(0.05, 1.02, [225.0, 168.0]));
+    let (first, second) = (scene.plain(&start), scene.plain(&moved));
+    let mut shift = KltGrid::new(nodes(10), KltParams::default(), lmeds(), Translation::default());
+    let mut similar = KltGrid::new(nodes(10), KltParams::default(), lmeds(), Similitude::default());
+    shift.init(&first, &corners(&start)).unwrap();
+    similar.init(&first, &corners(&start)).unwrap();
+    let [dx, dy] = shift.update(&second).unwrap().corners.0[0];
+    assert!((dx - 125.0).abs() < 2.0 && (dy - 93.0).abs() < 2.0, "{dx} {dy}");
+    let update = similar.update(&second).unwrap();
+    assert!(distance(&update.corners, &corners(&moved)) < 0.3);
+    // A region beyond the warp's family becomes its base.
+    let tilted = corners(&motion(9));
+    shift.set_region(&tilted).unwrap();
+    assert!(distance(&shift.corners(), &tilted) < 1e-6);
+}
+
+#[test]
+fn features_find_an_object_that_jumped_turned_grew_and_is_half_covered() {
+    let scene = Scene::new(false);
+    let start = pose(0.0, 1.0, [160.0, 130.0]);
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let jumped = pose(quarter, 1.8, [240.0, 190.0]);
+    let first = scene.plain(&start);
+    let second = scene.frame(&jumped, |o, _| o[0] < BOARD[0] / 2.0);
+    let mut tracker = features();
+    tracker.reseed(3);
+    tracker.init(&first, &corners(&start)).unwrap();
+    let found = tracker.detect(&second).unwrap();
+    // Half of it has to be extrapolated.
+    let error = distance(&found.corners, &corners(&jumped));
+    assert!(error < 6.0, "{error} {found:?}");
+    assert!(found.inliers >= 20 && found.support > 0.1, "{found:?}");
+    assert_eq!(tracker.corners(), corners(&start), "detection moves nothing");
+    let update = tracker.update(&second).unwrap();
+    let error = distance(&update.corners, &corners(&jumped));
+    assert!(error < 6.0, "{error} {update:?}");
+    // Back, and away at half the size.
+    let update = tracker.update(&first).unwrap();
+    assert!(distance(&update.corners, &corners(&start)) < 1.0);
+    let small = pose(-0.7, 0.5, [330.0, 250.0]);
+    let update = tracker.update(&scene.plain(&small)).unwrap();
+    assert!(distance(&update.corners, &corners(&small)) < 2.0);
+    // Where it is not, nothing is found.
+    let gone = scene.frame(&start, |_, _| true);
+    assert!(tracker.detect(&gone).is_err() && tracker.update(&gone).is_err());
+    assert_eq!(tracker.corners(), update.corners);
+}
