@@ -1,5 +1,7 @@
+use super::view::{Base, View};
 use super::*;
 use crate::image::Image;
+use proptest::prelude::*;
 
 const SIZE: (usize, usize) = (480, 360);
 
@@ -154,4 +156,57 @@ fn bad_starts_are_refused() {
         tracker.init(&frame, &nan),
         Err(TrackError::NotFinite(_))
     ));
+}
+
+#[test]
+fn blocks_partition_a_views_points_and_know_their_neighbours() {
+    let corners = Corners([[140.0, 90.0], [300.0, 110.0], [310.0, 240.0], [130.0, 220.0]]);
+    let base = Base::of(&corners);
+    let frame = scene(&Mat3::identity(), 0.0);
+    for level in 0..3 {
+        let view = View::new(&frame, &corners, &base, level, 3600).unwrap();
+        assert!((200..=3600).contains(&view.len()), "{}", view.len());
+        assert_eq!(*view.ends.last().unwrap(), view.len());
+        let counts = view.blocks.iter().map(|b| b.count as usize);
+        assert_eq!(counts.sum::<usize>(), view.len());
+        for (k, block) in view.blocks.iter().enumerate() {
+            assert!(block.centre.iter().all(|v| v.abs() < 1.5), "{block:?}");
+            let beside = view.beside(k);
+            assert!((1..=4).contains(&beside.len()), "{beside:?}");
+            assert!(beside.iter().all(|&b| view.beside(b).contains(&k)));
+        }
+    }
+    assert!(View::new(&frame, &Corners::rect(50.0, 50.0, 6.0, 6.0), &base, 0, 3600).is_none());
+}
+
+#[test]
+fn poses_that_cannot_be_are_not_sound() {
+    let tracker = started();
+    let frame = scene(&Mat3::identity(), 0.0);
+    let sound = |m: Mat3| tracker.aligner.sound(&(m * tracker.pose), &frame);
+    assert!(sound(Mat3::identity()) && sound(motion(170.0, 2.0, [40.0, 0.0])));
+    // Mirrored, too small, outside, partly behind the camera, no number.
+    assert!(!sound(Mat3::new(-1.0, 0.0, 460.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)));
+    assert!(!sound(motion(0.0, 0.1, [0.0; 2])));
+    assert!(!sound(motion(0.0, 1.0, [900.0, 0.0])));
+    let behind = Mat3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.3, 0.0, 1.0);
+    assert!(!tracker.aligner.sound(&(tracker.pose * behind), &frame));
+    assert!(!sound(Mat3::identity() * f64::NAN));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn alignment_undoes_small_warps_whatever_the_light(d in prop::array::uniform8(-5.0f64..5.0), gain in 0.6f64..1.5, bias in -20.0f64..20.0) {
+        let mut tracker = started();
+        let scene = scene(&Mat3::identity(), 0.0);
+        let lit = scene.level(0, 1).gray();
+        let light = |x: usize, y: usize| (gain * f64::from(lit.get(0, x, y)) + bias) as f32;
+        let frame = Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, light));
+        let corners = std::array::from_fn(|k| [quad().0[k][0] + d[2 * k], quad().0[k][1] + d[2 * k + 1]]);
+        let start = tracker.aligner.pose_at(&Corners(corners)).unwrap();
+        let (pose, score, _) = tracker.aligner.align(&frame, &start, 1200).unwrap();
+        let error = (tracker.aligner.corners(&pose).distance_squared(&quad()) / 4.0).sqrt();
+        prop_assert!(error < 0.02 && score.total > 0.99, "{} {:?}", error, score);
+    }
 }

@@ -199,3 +199,37 @@ impl Aligner {
         solve_negative(&self.system, DAMPING, &g[..order], &mut x[..order], &mut work).then_some(x)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::Jacobian;
+
+    #[test]
+    fn gain_and_bias_leave_nothing_to_explain() {
+        let n = 40;
+        let mut columns = Jacobian::new(n, WARP + 3);
+        for i in 0..n {
+            for k in 0..WARP {
+                columns.col_mut(k)[i] = ((i * (2 * k + 3) + k) % 19) as f32 - 9.0;
+            }
+            let template = ((i * i + 3 * i) % 23) as f32;
+            columns.col_mut(TEMPLATE)[i] = template;
+            columns.col_mut(IMAGE)[i] = 0.6 * template + 31.0;
+            columns.col_mut(ONES)[i] = 1.0;
+        }
+        let mut gram = SymMatrix::new(WARP + 3);
+        kernels::block_gram(&columns, 0, n, &mut gram);
+        let mut equations = Equations::default();
+        equations.add(&gram, 1.0, WARP);
+        assert!(equations.left.abs() < 0.1, "{}", equations.left);
+        let steepest = |k: usize| equations.g[k].abs() / equations.h[k][k].sqrt();
+        assert!((0..WARP).all(|k| steepest(k) < 0.05), "{equations:?}");
+        // An image without contrast says nothing.
+        columns.col_mut(IMAGE).fill(7.0);
+        kernels::block_gram(&columns, 0, n, &mut gram);
+        let mut nothing = Equations::default();
+        nothing.add(&gram, 1.0, WARP);
+        assert_eq!(nothing.left, 0.0);
+    }
+}
