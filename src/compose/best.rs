@@ -44,6 +44,10 @@ const MEMORY: usize = 15;
 /// Correlation of the best blocks, relative to the median of the last frames, from which the object has been found, and
 /// from which key points need not be asked.
 const FOUND: (f64, f64) = (0.72, 0.85);
+/// The same and the least total once it has been lost, or for more than a few frames: among so many places, some look a
+/// little like it.
+const FOUND_AGAIN: (f64, f64) = (0.8, 0.33);
+const FEW: usize = 5;
 /// What is usual before anything has been found: then the absolute limit decides.
 const USUAL: (f64, f64) = (1.0, 0.0);
 /// What a later candidate must be better by.
@@ -53,6 +57,13 @@ const FLOW: (usize, f64) = (8, 0.6);
 /// Rotations, degrees, and magnifications of the wider search.
 const TURNS: [f64; 6] = [-16.0, 16.0, -32.0, 32.0, -55.0, 55.0];
 const ZOOMS: [f64; 2] = [0.8, 1.25];
+/// When it has been lost: turns to a full circle, magnifications, how much wider the search is, how many of all pairs are
+/// tried in a frame, and the step through them, prime to their number.
+const AROUND: usize = 12;
+const SIZES: [f64; 5] = [1.0, 0.63, 1.6, 0.4, 2.5];
+const FARTHER: f64 = 3.0;
+const SHARE: usize = 6;
+const STRIDE: usize = 7;
 
 /// The plane's motion between frames.
 struct Plane;
@@ -100,6 +111,8 @@ pub struct Best {
     usual: (f64, f64),
     /// Total of the last frame in which it was found.
     last: f64,
+    /// Frames in a row in which what was found was little like the object.
+    doubtful: usize,
     /// Frames since the object was last found, and of these those in which flow was believed.
     lost: usize,
     /// Places in the base that flow follows, and pairs of places in the last frame and this one.
@@ -148,6 +161,7 @@ impl Best {
             sorted: Vec::with_capacity(MEMORY + 1),
             usual: USUAL,
             last: 1.0,
+            doubtful: 0,
             lost: 0,
             nodes: Vec::new(),
             from: Vec::new(),
@@ -159,6 +173,11 @@ impl Best {
     /// Takes note of the score of a frame in which the object was found.
     fn remember(&mut self, score: Score) {
         self.last = score.total;
+        self.doubtful = if score.total < FOUND_AGAIN.1 {
+            self.doubtful + 1
+        } else {
+            0
+        };
         self.scores.push_back(score);
         if self.scores.len() > MEMORY {
             self.scores.pop_front();
@@ -174,7 +193,13 @@ impl Best {
 
     /// Whether a score says that the object is there.
     fn found(&self, score: &Score) -> bool {
-        score.best >= self.params.best_found.max(FOUND.0 * self.usual.1)
+        let (part, total) = if self.lost == 0 && self.doubtful < FEW {
+            (FOUND.0, 0.0)
+        } else {
+            FOUND_AGAIN
+        };
+        score.total >= total
+            && score.best >= self.params.best_found.max(part * self.usual.1)
             && score.agreeing >= AGREEING.0
             && score.agree >= AGREEING.1
     }
@@ -225,6 +250,30 @@ impl Best {
     fn turned(pose: &Mat3, degrees: f64, zoom: f64) -> Mat3 {
         let (s, c) = libm::sincos(degrees.to_radians());
         pose * Mat3::new(zoom * c, -zoom * s, 0.0, zoom * s, zoom * c, 0.0, 0.0, 0.0, 1.0)
+    }
+
+    /// Searches with each of some turns, in degrees, and magnifications, and aligns from the best.
+    fn sweep(
+        &mut self,
+        frame: &Frame,
+        from: &Mat3,
+        looks: impl IntoIterator<Item = (f64, f64)>,
+        reach: f64,
+        best: &mut Option<Candidate>,
+    ) {
+        let mut widest: Option<(Mat3, f64)> = None;
+        for (turn, zoom) in looks {
+            let start = Self::turned(from, turn, zoom);
+            let found = self.aligner.search(frame, &start, reach);
+            if let Some(f) = found
+                && widest.is_none_or(|w| f.1 > w.1)
+            {
+                widest = Some(f);
+            }
+        }
+        if let Some((pose, _)) = widest {
+            self.attempt(frame, &pose, best);
+        }
     }
 
     /// The pose at which the key points say the object is: near the last one, or anywhere.
@@ -279,27 +328,30 @@ impl Best {
         if good(self, &best, sudden, certain) {
             return (best, coast);
         }
-        let turned = TURNS
+        let near = TURNS
             .iter()
             .map(|t| (*t, 1.0))
             .chain(ZOOMS.iter().map(|z| (0.0, *z)));
-        let mut widest: Option<(Mat3, f64)> = None;
-        for (turn, zoom) in turned {
-            let start = Self::turned(&first, turn, zoom);
-            let found = self.aligner.search(frame, &start, self.params.best_reach);
-            if let Some(f) = found
-                && widest.is_none_or(|w| f.1 > w.1)
-            {
-                widest = Some(f);
-            }
-        }
-        if let Some((pose, _)) = widest {
-            self.attempt(frame, &pose, &mut best);
-        }
+        self.sweep(frame, &first, near, self.params.best_reach, &mut best);
         if !good(self, &best, 0.0, certain)
             && let Some(pose) = self.key_points(frame, &first)
         {
             self.attempt(frame, &pose, &mut best);
+        }
+        if self.lost > 0 && !best.as_ref().is_some_and(|b| self.found(&b.score)) {
+            // It may be anywhere by now, and look like anything: a part of all this in each frame.
+            let every = |i: usize| {
+                let i = (self.lost * SHARE + i) * STRIDE % (AROUND * SIZES.len());
+                (360.0 / AROUND as f64 * (i % AROUND) as f64, SIZES[i / AROUND])
+            };
+            let reach = FARTHER * self.params.best_reach;
+            self.sweep(
+                frame,
+                &first,
+                std::array::from_fn::<_, SHARE, _>(every),
+                reach,
+                &mut best,
+            );
         }
         (best, coast)
     }
@@ -341,6 +393,7 @@ impl Tracker for Best {
         self.scores.clear();
         self.usual = USUAL;
         self.last = 1.0;
+        self.doubtful = 0;
         self.lost = 0;
         self.settle(frame, self.pose);
         self.motion = Mat3::identity();

@@ -15,6 +15,8 @@ const AGREES: f64 = 0.7;
 /// Least points that poses are searched with, and what a pose at the border of the search must be better by.
 const SEARCH: usize = 180;
 const NEARER: f64 = 0.02;
+/// Farthest search, pixels of the level.
+const REACH: f64 = 16.0;
 
 /// How well the template agrees with the image at a pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -131,7 +133,7 @@ impl Aligner {
         let unit = f64::from(1u32 << level);
         self.place(pose, view, level);
         let n = self.views[view].len();
-        let reach = (radius / unit).ceil() as i32;
+        let reach = (radius / unit).ceil().min(REACH) as i32;
         let (mut best, mut at) = (f64::NEG_INFINITY, [0, 0]);
         for dy in -reach..=reach {
             for dx in -reach..=reach {
