@@ -24,11 +24,11 @@ crate::params! {
     pub struct BestParams {
         /// Points of the template at each level of the pyramid, at most about this many.
         best_points: usize = 3600, in 200..=1_000_000;
-        /// Points that poses are judged with, at most about this many.
-        best_judge: usize = 1600, in 100..=100_000;
+        /// Points that poses are judged with, at least, where the template has as many.
+        best_judge: usize = 1200, in 100..=100_000;
         /// Score, relative to the median of the last frames, from which no other start is tried.
         best_enough: f64 = 0.9, in 0.0..=1.0;
-        /// Mean correlation of the better half of the visible template from which it has been found.
+        /// Mean correlation of the best two fifths of the visible template from which it has been found.
         best_found: f64 = 0.6, in 0.0..=1.0;
         /// Distance that is searched around the last place, px.
         best_reach: f64 = 48.0, in 0.0..=1000.0;
@@ -38,16 +38,32 @@ crate::params! {
 }
 
 /// Fewest blocks that agree, and least share of all, where the object has been found.
-const AGREEING: (usize, f64) = (4, 0.12);
+const AGREEING: (usize, f64) = (4, 0.2);
 /// Frames whose scores are remembered.
 const MEMORY: usize = 15;
-/// Score, relative to the median, below which key points are looked at.
-const DOUBT: f64 = 0.75;
+/// Correlation of the best blocks, relative to the median of the last frames, from which the object has been found, and
+/// from which key points need not be asked.
+const FOUND: (f64, f64) = (0.72, 0.85);
+/// The same and the least total once it has been lost, or for more than a few frames: among so many places, some look a
+/// little like it.
+const FOUND_AGAIN: (f64, f64) = (0.8, 0.33);
+const FEW: usize = 5;
+/// What is usual before anything has been found: then the absolute limit decides.
+const USUAL: (f64, f64) = (1.0, 0.0);
+/// What a later candidate must be better by.
+const MARGIN: f64 = 0.03;
 /// Fewest points that flow is believed with, and least share of them.
 const FLOW: (usize, f64) = (8, 0.6);
 /// Rotations, degrees, and magnifications of the wider search.
-const TURNS: [f64; 4] = [-16.0, 16.0, -32.0, 32.0];
+const TURNS: [f64; 6] = [-16.0, 16.0, -32.0, 32.0, -55.0, 55.0];
 const ZOOMS: [f64; 2] = [0.8, 1.25];
+/// When it has been lost: turns to a full circle, magnifications, how much wider the search is, how many of all pairs are
+/// tried in a frame, and the step through them, prime to their number.
+const AROUND: usize = 12;
+const SIZES: [f64; 5] = [1.0, 0.63, 1.6, 0.4, 2.5];
+const FARTHER: f64 = 3.0;
+const SHARE: usize = 6;
+const STRIDE: usize = 7;
 
 /// The plane's motion between frames.
 struct Plane;
@@ -74,7 +90,8 @@ struct Candidate {
     score: Score,
 }
 
-/// The tracker `best`; its similarity is the mean correlation of the template's visible blocks, 0 to 1.
+/// The tracker `best`; its similarity is the mean of the cubed correlations of the template's blocks, 0 to 1 (blocks
+/// outside the image count less).
 pub struct Best {
     params: BestParams,
     aligner: Aligner,
@@ -88,8 +105,14 @@ pub struct Best {
     has_features: bool,
     seed: u64,
     /// Scores of the last frames in which the object was found.
-    scores: VecDeque<f64>,
+    scores: VecDeque<Score>,
     sorted: Vec<f64>,
+    /// Medians of their totals and of the correlations of their best blocks.
+    usual: (f64, f64),
+    /// Total of the last frame in which it was found.
+    last: f64,
+    /// Frames in a row in which what was found was little like the object.
+    doubtful: usize,
     /// Frames since the object was last found, and of these those in which flow was believed.
     lost: usize,
     /// Places in the base that flow follows, and pairs of places in the last frame and this one.
@@ -136,6 +159,9 @@ impl Best {
             seed: 0,
             scores: VecDeque::with_capacity(MEMORY + 1),
             sorted: Vec::with_capacity(MEMORY + 1),
+            usual: USUAL,
+            last: 1.0,
+            doubtful: 0,
             lost: 0,
             nodes: Vec::new(),
             from: Vec::new(),
@@ -144,17 +170,38 @@ impl Best {
         }
     }
 
-    /// Median of the scores of the last frames.
-    fn median(&mut self) -> f64 {
-        self.sorted.clear();
-        self.sorted.extend(&self.scores);
-        self.sorted.sort_unstable_by(f64::total_cmp);
-        self.sorted.get(self.sorted.len() / 2).copied().unwrap_or(1.0)
+    /// Takes note of the score of a frame in which the object was found.
+    fn remember(&mut self, score: Score) {
+        self.last = score.total;
+        self.doubtful = if score.total < FOUND_AGAIN.1 {
+            self.doubtful + 1
+        } else {
+            0
+        };
+        self.scores.push_back(score);
+        if self.scores.len() > MEMORY {
+            self.scores.pop_front();
+        }
+        let mut median = |of: fn(&Score) -> f64| {
+            self.sorted.clear();
+            self.sorted.extend(self.scores.iter().map(of));
+            self.sorted.sort_unstable_by(f64::total_cmp);
+            self.sorted[self.sorted.len() / 2]
+        };
+        self.usual = (median(|s| s.total), median(|s| s.best));
     }
 
     /// Whether a score says that the object is there.
     fn found(&self, score: &Score) -> bool {
-        score.best_half >= self.params.best_found && score.agreeing >= AGREEING.0 && score.agree >= AGREEING.1
+        let (part, total) = if self.lost == 0 && self.doubtful < FEW {
+            (FOUND.0, 0.0)
+        } else {
+            FOUND_AGAIN
+        };
+        score.total >= total
+            && score.best >= self.params.best_found.max(part * self.usual.1)
+            && score.agreeing >= AGREEING.0
+            && score.agree >= AGREEING.1
     }
 
     /// Aligns from a start and keeps the result when it is the best.
@@ -166,7 +213,7 @@ impl Best {
         let better = |b: &Candidate| {
             let found = (self.found(&score), self.found(&b.score));
             if found.0 == found.1 {
-                score.total > b.score.total
+                score.total > b.score.total + MARGIN
             } else {
                 found.0
             }
@@ -205,6 +252,30 @@ impl Best {
         pose * Mat3::new(zoom * c, -zoom * s, 0.0, zoom * s, zoom * c, 0.0, 0.0, 0.0, 1.0)
     }
 
+    /// Searches with each of some turns, in degrees, and magnifications, and aligns from the best.
+    fn sweep(
+        &mut self,
+        frame: &Frame,
+        from: &Mat3,
+        looks: impl IntoIterator<Item = (f64, f64)>,
+        reach: f64,
+        best: &mut Option<Candidate>,
+    ) {
+        let mut widest: Option<(Mat3, f64)> = None;
+        for (turn, zoom) in looks {
+            let start = Self::turned(from, turn, zoom);
+            let found = self.aligner.search(frame, &start, reach);
+            if let Some(f) = found
+                && widest.is_none_or(|w| f.1 > w.1)
+            {
+                widest = Some(f);
+            }
+        }
+        if let Some((pose, _)) = widest {
+            self.attempt(frame, &pose, best);
+        }
+    }
+
     /// The pose at which the key points say the object is: near the last one, or anywhere.
     fn key_points(&mut self, frame: &Frame, near: &Mat3) -> Option<Mat3> {
         if !self.has_features {
@@ -221,7 +292,8 @@ impl Best {
 
     /// The best pose in a frame, and that of flow where it may be believed.
     fn locate(&mut self, frame: &Frame) -> (Option<Candidate>, Option<Mat3>) {
-        let enough = self.params.best_enough * self.median();
+        let enough = self.params.best_enough * self.usual.0;
+        let certain = FOUND.1 * self.usual.1;
         let judge = self.params.best_judge;
         let hold = self.pose;
         let ahead = self.motion * hold;
@@ -231,12 +303,12 @@ impl Best {
         let first = if moving { ahead } else { hold };
         let mut best = None;
         let mut coast = None;
-        let good = |this: &Self, best: &Option<Candidate>, least: f64| {
+        let good = |this: &Self, best: &Option<Candidate>, total: f64, part: f64| {
             best.as_ref()
-                .is_some_and(|b| this.found(&b.score) && b.score.total >= least)
+                .is_some_and(|b| this.found(&b.score) && b.score.total >= total && b.score.best >= part)
         };
         self.attempt(frame, &first, &mut best);
-        if good(self, &best, enough) {
+        if good(self, &best, enough, 0.0) {
             return (best, None);
         }
         if self.previous.is_some() {
@@ -244,38 +316,42 @@ impl Best {
                 coast = sure.then_some(pose);
                 self.attempt(frame, &pose, &mut best);
             }
-            if good(self, &best, enough) {
+            if good(self, &best, enough, 0.0) {
                 return (best, None);
             }
         }
         if let Some((pose, _)) = self.aligner.search(frame, &first, self.params.best_reach) {
             self.attempt(frame, &pose, &mut best);
         }
-        if good(self, &best, DOUBT * enough) {
+        // What covers the object does so little by little; when much of it disagrees at once, the pose is wrong.
+        let sudden = self.params.best_enough * self.usual.0.min(self.last);
+        if good(self, &best, sudden, certain) {
             return (best, coast);
         }
-        if let Some(pose) = self.key_points(frame, &first) {
-            self.attempt(frame, &pose, &mut best);
-        }
-        if good(self, &best, DOUBT * enough) {
-            return (best, coast);
-        }
-        let turned = TURNS
+        let near = TURNS
             .iter()
             .map(|t| (*t, 1.0))
             .chain(ZOOMS.iter().map(|z| (0.0, *z)));
-        let mut widest: Option<(Mat3, f64)> = None;
-        for (turn, zoom) in turned {
-            let start = Self::turned(&first, turn, zoom);
-            let found = self.aligner.search(frame, &start, self.params.best_reach);
-            if let Some(f) = found
-                && widest.is_none_or(|w| f.1 > w.1)
-            {
-                widest = Some(f);
-            }
-        }
-        if let Some((pose, _)) = widest {
+        self.sweep(frame, &first, near, self.params.best_reach, &mut best);
+        if !good(self, &best, 0.0, certain)
+            && let Some(pose) = self.key_points(frame, &first)
+        {
             self.attempt(frame, &pose, &mut best);
+        }
+        if self.lost > 0 && !best.as_ref().is_some_and(|b| self.found(&b.score)) {
+            // It may be anywhere by now, and look like anything: a part of all this in each frame.
+            let every = |i: usize| {
+                let i = (self.lost * SHARE + i) * STRIDE % (AROUND * SIZES.len());
+                (360.0 / AROUND as f64 * (i % AROUND) as f64, SIZES[i / AROUND])
+            };
+            let reach = FARTHER * self.params.best_reach;
+            self.sweep(
+                frame,
+                &first,
+                std::array::from_fn::<_, SHARE, _>(every),
+                reach,
+                &mut best,
+            );
         }
         (best, coast)
     }
@@ -315,6 +391,9 @@ impl Tracker for Best {
         // Without key points all else works.
         self.has_features = self.features.init(frame, corners).is_ok();
         self.scores.clear();
+        self.usual = USUAL;
+        self.last = 1.0;
+        self.doubtful = 0;
         self.lost = 0;
         self.settle(frame, self.pose);
         self.motion = Mat3::identity();
@@ -335,10 +414,7 @@ impl Tracker for Best {
                 self.motion = Mat3::identity();
             }
             self.lost = 0;
-            self.scores.push_back(score.total);
-            if self.scores.len() > MEMORY {
-                self.scores.pop_front();
-            }
+            self.remember(score);
             self.previous = Some(frame.clone());
         } else {
             self.lost += 1;
@@ -389,3 +465,6 @@ impl Tracker for Best {
         self.aligner.memory() + self.klt.memory() + self.features.memory()
     }
 }
+
+#[cfg(test)]
+mod tests;

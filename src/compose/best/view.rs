@@ -10,9 +10,12 @@ pub(super) const WARP: usize = 8;
 pub(super) const IMAGE: usize = WARP;
 pub(super) const TEMPLATE: usize = WARP + 1;
 pub(super) const ONES: usize = WARP + 2;
-/// Side of a block, points, and how many blocks there are along a side, at least and at most.
+/// Side of a block, points, and how many blocks there are along a side: at least where there is little to see, else at
+/// least, and at most.
 const BLOCK: f64 = 8.0;
-const BLOCKS: (f64, f64) = (3.0, 8.0);
+const BLOCKS: [f64; 3] = [3.0, 4.0, 8.0];
+/// Least variance within the median block, as a fraction of that of the whole.
+const CONTENT: f64 = 0.1;
 /// Fewest points per block along a side, and in all.
 const LEAST: (f64, usize) = (4.0, 10);
 /// Fewest points of a view.
@@ -57,6 +60,8 @@ pub(super) struct Block {
     pub deviation: f64,
     /// Whether there is anything to see.
     pub textured: bool,
+    /// Column and row of the block.
+    cell: (usize, usize),
 }
 
 /// Template, points and Jacobian of one level.
@@ -70,6 +75,9 @@ pub(super) struct View {
     /// Where each block ends.
     pub ends: Vec<usize>,
     pub blocks: Vec<Block>,
+    /// Next to each block: where its neighbours end in the list of all neighbours.
+    neighbour_ends: Vec<usize>,
+    neighbours: Vec<usize>,
     /// Steepest-descent images of the template.
     pub own: Jacobian,
     /// The same averaged with those of an image, the image, the template, and ones.
@@ -84,6 +92,14 @@ pub(super) fn plane(image: &Image) -> Grid2<'_> {
 /// The eight entries of the matrix of the homography group.
 pub(super) fn columns() -> [Column; WARP] {
     std::array::from_fn(|k| Column::new(std::array::from_fn(|e| if e == k { 1.0 } else { 0.0 })))
+}
+
+/// Variance of the image over points.
+fn variance(image: &Image, points: &[([f64; 2], usize, usize)]) -> f64 {
+    let n = points.len().max(1) as f64;
+    let value = |p: &([f64; 2], usize, usize)| f64::from(image.get(0, p.1, p.2));
+    let mean = points.iter().map(value).sum::<f64>() / n;
+    points.iter().map(|p| (value(p) - mean).powi(2)).sum::<f64>() / n
 }
 
 impl View {
@@ -102,14 +118,6 @@ impl View {
         while sides[0] * sides[1] > (most * stride * stride) as f64 {
             stride += 1;
         }
-        let grid = sides.map(|s| {
-            let points = s / stride as f64;
-            (points / BLOCK)
-                .round()
-                .clamp(BLOCKS.0, BLOCKS.1)
-                .min((points / LEAST.0).floor())
-                .max(1.0)
-        });
         // What is next to the object at the border is not part of it.
         let inset = sides.map(|s| (1.0 / s).min(0.04));
         let bounds = |c: usize, size: usize| {
@@ -124,19 +132,44 @@ impl View {
                 let at = homography::apply(&square, [x as f64, y as f64]);
                 let within = |c: usize| at[c] >= inset[c] && at[c] <= 1.0 - inset[c];
                 if within(0) && within(1) {
-                    let cell = |c: usize| (at[c] * grid[c]) as usize;
-                    points.push((cell(1) * grid[0] as usize + cell(0), x, y));
+                    points.push((at, x, y));
                 }
             }
         }
-        points.sort_by_key(|p| p.0);
-        let (mut px, mut py, mut ends) = (Vec::new(), Vec::new(), Vec::new());
-        for block in points.chunk_by(|a, b| a.0 == b.0) {
-            if block.len() >= LEAST.1 {
-                px.extend(block.iter().map(|p| p.1 as f32));
-                py.extend(block.iter().map(|p| p.2 as f32));
-                ends.push(px.len());
+        // Blocks so large that there is something to see in most of them.
+        let mut side = BLOCK;
+        let (mut px, mut py, mut ends, mut cells);
+        loop {
+            let grid = sides.map(|s| {
+                let points = s / stride as f64;
+                let wanted = (points / side)
+                    .round()
+                    .clamp(BLOCKS[usize::from(side == BLOCK)], BLOCKS[2]);
+                wanted.min((points / LEAST.0).floor()).max(1.0)
+            });
+            let cell = |p: &([f64; 2], usize, usize)| {
+                (p.0[1] * grid[1]) as usize * grid[0] as usize + (p.0[0] * grid[0]) as usize
+            };
+            points.sort_by_key(|p| (cell(p), p.2, p.1));
+            (px, py, ends, cells) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+            let (mut within, mut blocks) = (Vec::new(), 0.0);
+            for block in points.chunk_by(|a, b| cell(a) == cell(b)) {
+                if block.len() >= LEAST.1 {
+                    px.extend(block.iter().map(|p| p.1 as f32));
+                    py.extend(block.iter().map(|p| p.2 as f32));
+                    ends.push(px.len());
+                    let cell = cell(&block[0]);
+                    cells.push((cell % grid[0] as usize, cell / grid[0] as usize));
+                    within.push(variance(image, block));
+                    blocks += 1.0;
+                }
             }
+            within.sort_unstable_by(f64::total_cmp);
+            let usual = within.get(within.len() / 2).copied().unwrap_or(0.0);
+            if usual >= CONTENT * variance(image, &points) || blocks <= BLOCKS[0] * BLOCKS[0] {
+                break;
+            }
+            side *= 1.5;
         }
         let n = px.len();
         if n < FEWEST {
@@ -164,7 +197,7 @@ impl View {
         work.col_mut(TEMPLATE).copy_from_slice(&value);
         work.col_mut(ONES).fill(1.0);
         let mut first = 0;
-        let blocks = ends.iter().map(|&last| {
+        let blocks = ends.iter().zip(cells).map(|(&last, cell)| {
             let range = first..last;
             first = last;
             let mean =
@@ -180,18 +213,37 @@ impl View {
                 mean: mean(&value),
                 deviation,
                 textured: deviation >= TEXTURE,
+                cell,
             }
         });
-        let blocks = blocks.collect();
+        let blocks: Vec<Block> = blocks.collect();
+        let (mut neighbours, mut neighbour_ends) = (Vec::new(), Vec::new());
+        for a in &blocks {
+            let beside = |b: &Block| a.cell.0.abs_diff(b.cell.0) + a.cell.1.abs_diff(b.cell.1) == 1;
+            neighbours.extend((0..blocks.len()).filter(|&k| beside(&blocks[k])));
+            neighbour_ends.push(neighbours.len());
+        }
         Some(View {
             level,
             x,
             y,
             ends,
             blocks,
+            neighbour_ends,
+            neighbours,
             own,
             work,
         })
+    }
+
+    /// The blocks beside a block.
+    pub fn beside(&self, block: usize) -> &[usize] {
+        let first = if block == 0 {
+            0
+        } else {
+            self.neighbour_ends[block - 1]
+        };
+        &self.neighbours[first..self.neighbour_ends[block]]
     }
 
     /// Number of points.

@@ -1,0 +1,171 @@
+//! How well the template agrees with an image at a pose, block by block.
+
+use super::Aligner;
+use crate::compose::best::view::{TEMPLATE, plane};
+use crate::geom::Mat3;
+use crate::image::{Frame, Image};
+use crate::kernels::{self, Border};
+
+/// Smallest and largest gain that a block's contrast is met with.
+const GAIN: (f64, f64) = (0.1, 10.0);
+/// Standard deviation of intensity below which there is no more than noise of rounding.
+const FLAT: f64 = 0.05;
+/// Correlation from which a block agrees.
+const AGREES: f64 = 0.7;
+/// Least points that poses are searched with, and what a pose at the border of the search must be better by.
+const SEARCH: usize = 180;
+const NEARER: f64 = 0.02;
+/// Farthest search, pixels of the level.
+const REACH: f64 = 16.0;
+
+/// How well the template agrees with the image at a pose.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(in crate::compose::best) struct Score {
+    /// Sum of the cubed correlations of the textured blocks inside the image, negative ones as 0, per such block;
+    /// blocks outside count for a third of one.
+    pub total: f64,
+    /// Mean correlation of the best two fifths of the blocks inside.
+    pub best: f64,
+    /// Share of all textured blocks that agree.
+    pub agree: f64,
+    /// Number of blocks that agree.
+    pub agreeing: usize,
+}
+
+/// A block in the present image.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Seen {
+    pub correlation: f64,
+    pub gain: f64,
+    pub visible: bool,
+    pub weight: f64,
+}
+
+impl Aligner {
+    /// Correlation, gain and visibility of each block, from the sampled values.
+    pub(super) fn look(&mut self, view: usize, image: &Image, outside: usize) {
+        let v = &self.views[view];
+        let n = v.len();
+        self.moments.resize(v.blocks.len(), [0.0; 3]);
+        kernels::block_moments(v.work.col(TEMPLATE), &self.value[..n], &v.ends, &mut self.moments);
+        self.seen.clear();
+        let mut first = 0;
+        let (right, bottom) = ((image.width() - 1) as f32, (image.height() - 1) as f32);
+        for ((block, m), &last) in v.blocks.iter().zip(&self.moments).zip(&v.ends) {
+            let within = |i: usize| {
+                self.px[i] >= 0.0 && self.px[i] <= right && self.py[i] >= 0.0 && self.py[i] <= bottom
+            };
+            let visible = outside == 0 || (first..last).all(within);
+            first = last;
+            let mean = m[0] / block.count;
+            let deviation = (m[1] / block.count - mean * mean).max(0.0).sqrt();
+            let covariance = m[2] / block.count - mean * block.mean;
+            let flat = deviation < FLAT || block.deviation < FLAT;
+            self.seen.push(Seen {
+                correlation: if flat {
+                    0.0
+                } else {
+                    (covariance / (deviation * block.deviation)).clamp(-1.0, 1.0)
+                },
+                gain: (block.deviation / deviation.max(FLAT)).clamp(GAIN.0, GAIN.1),
+                visible,
+                weight: 0.0,
+            });
+        }
+    }
+
+    /// The score of what was last looked at.
+    fn score(&mut self, view: usize) -> Score {
+        let blocks = &self.views[view].blocks;
+        let (mut outside, mut sum) = (0.0, 0.0);
+        self.sorted.clear();
+        for (_, s) in blocks.iter().zip(&self.seen).filter(|p| p.0.textured) {
+            if s.visible {
+                let z = s.correlation.max(0.0);
+                sum += z * z * z;
+                self.sorted.push(z);
+            } else {
+                outside += 1.0;
+            }
+        }
+        if self.sorted.is_empty() {
+            return Score::default();
+        }
+        self.sorted.sort_unstable_by(|a, b| b.total_cmp(a));
+        let inside = self.sorted.len();
+        let part = (inside * 2).div_ceil(5);
+        let agreeing = self.sorted.iter().filter(|z| **z >= AGREES).count();
+        Score {
+            total: sum / (inside as f64 + outside / 3.0),
+            best: self.sorted[..part].iter().sum::<f64>() / part as f64,
+            agree: agreeing as f64 / (inside as f64 + outside),
+            agreeing,
+        }
+    }
+
+    /// Score of a pose on `points` points or more.
+    pub fn assess(&mut self, frame: &Frame, pose: &Mat3, points: usize) -> Score {
+        if !self.sound(pose, frame) {
+            return Score::default();
+        }
+        let (view, level) = self.pair(pose, frame, self.judge(pose, frame, points));
+        let image = frame.level(level, 1).gray();
+        self.place(pose, view, level);
+        let n = self.views[view].len();
+        let (px, py) = (&self.px[..n], &self.py[..n]);
+        let outside = kernels::sample(plane(image), Border::Constant, px, py, &mut self.value[..n]);
+        self.look(view, image, outside);
+        self.score(view)
+    }
+
+    /// The pose shifted within `radius` px of the image so that it agrees best on a coarse level, in whole pixels of that
+    /// level; and how well.
+    pub fn search(&mut self, frame: &Frame, pose: &Mat3, radius: f64) -> Option<(Mat3, f64)> {
+        if !self.sound(pose, frame) {
+            return None;
+        }
+        let mut k = self.top(pose, frame);
+        while k > 0 && self.views[self.pair(pose, frame, k).0].len() < SEARCH {
+            k -= 1;
+        }
+        let (view, level) = self.pair(pose, frame, k);
+        let image = frame.level(level, 1).gray();
+        let unit = f64::from(1u32 << level);
+        self.place(pose, view, level);
+        let n = self.views[view].len();
+        let reach = (radius / unit).ceil().min(REACH) as i32;
+        let (mut best, mut at) = (f64::NEG_INFINITY, [0, 0]);
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
+                // Row by row from the upper left: each position is one pixel from the one before or at the next row's start.
+                let step = match (dx == -reach, dy == -reach) {
+                    (true, true) => [-reach as f32, -reach as f32],
+                    (true, false) => [-2.0 * reach as f32, 1.0],
+                    _ => [1.0, 0.0],
+                };
+                self.px[..n].iter_mut().for_each(|v| *v += step[0]);
+                self.py[..n].iter_mut().for_each(|v| *v += step[1]);
+                let (px, py) = (&self.px[..n], &self.py[..n]);
+                let outside = kernels::sample(plane(image), Border::Constant, px, py, &mut self.value[..n]);
+                self.look(view, image, outside);
+                let far = f64::from(dx * dx + dy * dy).sqrt() / f64::from(reach.max(1));
+                let total = self.score(view).total - NEARER * far;
+                if total > best {
+                    (best, at) = (total, [dx, dy]);
+                }
+            }
+        }
+        let [dx, dy] = at.map(|v| f64::from(v) * unit);
+        let shift = Mat3::new(1.0, 0.0, dx, 0.0, 1.0, dy, 0.0, 0.0, 1.0);
+        Some((shift * pose, best))
+    }
+
+    /// Blocks of the last assessed pose that agree: their centres in the base frame.
+    pub fn agreeing(&self, frame: &Frame, pose: &Mat3, points: usize) -> impl Iterator<Item = [f64; 2]> + '_ {
+        let (view, _) = self.pair(pose, frame, self.judge(pose, frame, points));
+        let blocks = self.views[view].blocks.iter().zip(&self.seen);
+        blocks
+            .filter(|(b, s)| b.textured && s.visible && s.correlation >= AGREES)
+            .map(|(b, _)| b.centre)
+    }
+}

@@ -1,0 +1,235 @@
+//! Robust Gauss-Newton steps at one level of the pyramid.
+
+use super::Aligner;
+use crate::compose::best::view::{IMAGE, ONES, TEMPLATE, WARP, plane};
+use crate::geom::solve::{SymMatrix, solve_negative};
+use crate::geom::{Mat3, homography};
+use crate::image::Frame;
+use crate::kernels::{self, Border, Covectors};
+
+/// Cut of the weights: multiple of the lower three tenths of the misfits, least and most.
+const CUT: (f64, f64, f64) = (2.5, 0.4, 1.3);
+/// The first iterations, and their least cut: blocks that are not yet aligned must not lose their say.
+const WIDE: (u32, f64) = (2, 0.9);
+/// How many times as much of the template is left unexplained with one gain and bias where light is uneven.
+const UNEVEN: f64 = 2.0;
+/// Levenberg-Marquardt damping.
+const DAMPING: f64 = 1e-4;
+/// Points from which all eight parameters are found, else six.
+const PROJECTIVE: usize = 250;
+/// Largest step, as a fraction of half the object's side.
+const STEP: f64 = 1.2;
+
+/// Normal equations with what gain and bias of the image may be projected out.
+#[derive(Clone, Copy, Debug, Default)]
+struct Equations {
+    h: [[f64; WARP]; WARP],
+    g: [f64; WARP],
+    /// Sum of the squared residuals.
+    left: f64,
+}
+
+impl Equations {
+    /// Adds those of points whose columns have the Gram matrix `m`.
+    fn add(&mut self, m: &SymMatrix, weight: f64, order: usize) {
+        let centred = |a: usize, b: usize| m.get(a, b) - m.get(a, ONES) * m.get(b, ONES) / m.get(ONES, ONES);
+        let contrast = centred(IMAGE, IMAGE);
+        if contrast <= 0.0 || contrast.is_nan() {
+            return;
+        }
+        let along: [f64; TEMPLATE + 1] = std::array::from_fn(|a| centred(a, IMAGE));
+        let freed = |a: usize, b: usize| weight * (centred(a, b) - along[a] * along[b] / contrast);
+        for a in 0..order {
+            for b in a..order {
+                self.h[a][b] += freed(a, b);
+            }
+            self.g[a] += freed(a, TEMPLATE);
+        }
+        self.left += freed(TEMPLATE, TEMPLATE);
+    }
+}
+
+impl Aligner {
+    /// Weighs the blocks with a cut of at least `least`; what blocks beside it say counts for a third of a block's misfit,
+    /// for what covers an object is connected.
+    fn weigh(&mut self, view: usize, least: f64) {
+        let view = &self.views[view];
+        let counts = |k: usize| view.blocks[k].textured && self.seen[k].visible;
+        self.misfits.clear();
+        for (k, s) in self.seen.iter().enumerate() {
+            let own = (1.0 - s.correlation).sqrt();
+            let (mut sum, mut n) = (0.0, 0.0);
+            for &b in view.beside(k).iter().filter(|b| counts(**b)) {
+                sum += (1.0 - self.seen[b].correlation).sqrt();
+                n += 1.0;
+            }
+            let around = if n > 0.0 { sum / n } else { own };
+            self.misfits.push((2.0 * own + around.max(own)) / 3.0);
+        }
+        self.sorted.clear();
+        let counted = (0..self.seen.len()).filter(|k| counts(*k));
+        self.sorted.extend(counted.map(|k| self.misfits[k]));
+        if self.sorted.is_empty() {
+            return;
+        }
+        let rank = self.sorted.len() * 3 / 10;
+        let low = *self.sorted.select_nth_unstable_by(rank, f64::total_cmp).1;
+        let cut = (CUT.0 * low).clamp(least, CUT.2);
+        for ((b, s), misfit) in view.blocks.iter().zip(&mut self.seen).zip(&self.misfits) {
+            let t = 1.0 - (misfit / cut).powi(2);
+            s.weight = if b.textured && s.visible && t > 0.0 {
+                t * t
+            } else {
+                0.0
+            };
+        }
+    }
+
+    /// Improves a pose at one level by at most `iterations` steps; how many it took, or `None` when it fails.
+    pub(super) fn refine(
+        &mut self,
+        frame: &Frame,
+        pose: &mut Mat3,
+        k: usize,
+        iterations: u32,
+        epsilon: f64,
+    ) -> Option<u32> {
+        let (view, level) = self.pair(pose, frame, k);
+        let image = frame.level(level, 1).gray();
+        let unit = f64::from(1u32 << level);
+        let columns = self.columns?;
+        for iteration in 1..=iterations {
+            let (matrix, centre, scale) = self.place(pose, view, level);
+            let n = self.views[view].len();
+            let outside = kernels::sample_gradient(
+                plane(image),
+                Border::Constant,
+                &self.px[..n],
+                &self.py[..n],
+                &mut self.value[..n],
+                &mut self.gx[..n],
+                &mut self.gy[..n],
+            );
+            self.look(view, image, outside);
+            self.weigh(view, if iteration <= WIDE.0 { WIDE.1 } else { CUT.1 });
+            let v = &mut self.views[view];
+            let mut first = 0;
+            for (s, &last) in self.seen.iter().zip(&v.ends) {
+                let gain = s.gain as f32;
+                for g in self.gx[first..last].iter_mut().chain(&mut self.gy[first..last]) {
+                    *g *= gain;
+                }
+                first = last;
+            }
+            let covectors = Covectors {
+                gx: &self.gx[..n],
+                gy: &self.gy[..n],
+                px: &self.px[..n],
+                py: &self.py[..n],
+                centre,
+                scale,
+                matrix,
+                denominator: Some([matrix[6], matrix[7], matrix[8]]),
+            };
+            kernels::steepest(&v.x, &v.y, &covectors, &columns, 0, &mut v.work);
+            for k in 0..WARP {
+                for (a, b) in v.work.col_mut(k).iter_mut().zip(v.own.col(k)) {
+                    *a = 0.5 * (*a + b);
+                }
+            }
+            v.work.col_mut(IMAGE).copy_from_slice(&self.value[..n]);
+            let order = if n < PROJECTIVE { 6 } else { WARP };
+            let step = self.step(view, order)?;
+            let p = Mat3::new(
+                step[0], step[1], step[2], step[3], step[4], step[5], step[6], step[7], 0.0,
+            );
+            let next = *pose * (Mat3::identity() + p + p * p * 0.5);
+            let next = next / next[(2, 2)];
+            if !self.sound(&next, frame) {
+                return None;
+            }
+            // How far what is seen moves.
+            let (mut sum, mut n) = (0.0, 0.0);
+            for x in self.inside(pose, frame) {
+                let (a, b) = (homography::apply(pose, x), homography::apply(&next, x));
+                sum += (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
+                n += 1.0;
+            }
+            let moved = (sum / n).sqrt();
+            if !(moved < STEP * self.base.unit * libm::exp2(self.zoom(pose, frame)?)) {
+                return None;
+            }
+            *pose = next;
+            if moved < epsilon * unit {
+                return Some(iteration);
+            }
+        }
+        Some(iterations)
+    }
+
+    /// The Gauss-Newton step of the weighted blocks in the first `order` parameters. One gain and bias serve all blocks,
+    /// which keeps what tells blocks apart, unless the light calls for one of each block.
+    fn step(&mut self, view: usize, order: usize) -> Option<[f64; WARP]> {
+        let v = &self.views[view];
+        let mut each = Equations::default();
+        self.sum.scale(0.0);
+        let mut first = 0;
+        for (s, &last) in self.seen.iter().zip(&v.ends) {
+            let rows = (first, last);
+            first = last;
+            if s.weight > 0.0 {
+                kernels::block_gram(&v.work, rows.0, rows.1, &mut self.gram);
+                each.add(&self.gram, s.weight, order);
+                self.sum.blend(1.0, s.weight, &self.gram);
+            }
+        }
+        let mut one = Equations::default();
+        one.add(&self.sum, 1.0, order);
+        let used = if one.left < UNEVEN * each.left {
+            &one
+        } else {
+            &each
+        };
+        if self.system.order() != order {
+            self.system = SymMatrix::new(order);
+        }
+        self.system.fill(|a, b| -used.h[a][b]);
+        let (mut x, mut work) = ([0.0; WARP], [0.0; WARP * WARP + WARP]);
+        let g = used.g.map(|v| -v);
+        solve_negative(&self.system, DAMPING, &g[..order], &mut x[..order], &mut work).then_some(x)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::Jacobian;
+
+    #[test]
+    fn gain_and_bias_leave_nothing_to_explain() {
+        let n = 40;
+        let mut columns = Jacobian::new(n, WARP + 3);
+        for i in 0..n {
+            for k in 0..WARP {
+                columns.col_mut(k)[i] = ((i * (2 * k + 3) + k) % 19) as f32 - 9.0;
+            }
+            let template = ((i * i + 3 * i) % 23) as f32;
+            columns.col_mut(TEMPLATE)[i] = template;
+            columns.col_mut(IMAGE)[i] = 0.6 * template + 31.0;
+            columns.col_mut(ONES)[i] = 1.0;
+        }
+        let mut gram = SymMatrix::new(WARP + 3);
+        kernels::block_gram(&columns, 0, n, &mut gram);
+        let mut equations = Equations::default();
+        equations.add(&gram, 1.0, WARP);
+        assert!(equations.left.abs() < 0.1, "{}", equations.left);
+        let steepest = |k: usize| equations.g[k].abs() / equations.h[k][k].sqrt();
+        assert!((0..WARP).all(|k| steepest(k) < 0.05), "{equations:?}");
+        // An image without contrast says nothing.
+        columns.col_mut(IMAGE).fill(7.0);
+        kernels::block_gram(&columns, 0, n, &mut gram);
+        let mut nothing = Equations::default();
+        nothing.add(&gram, 1.0, WARP);
+        assert_eq!(nothing.left, 0.0);
+    }
+}
