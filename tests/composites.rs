@@ -245,6 +245,46 @@ fn pyramids_that_widen_take_small_patches_far() {
     assert!(error(false) > 5.0, "{}", error(false));
 }
 
+/// Tracks with `text`; returns the errors, px.
+fn errors(text: &str, frames: &[Frame], truth: &[Mat3]) -> Vec<f64> {
+    let registry = Registry::builtin();
+    let mut tracker = registry.build(&registry.parse(text).unwrap()).unwrap();
+    tracker.init(&frames[0], &corners(&truth[0])).unwrap();
+    let pairs = frames.iter().zip(truth).skip(1);
+    pairs
+        .map(|(frame, m)| {
+            let update = tracker.update(frame);
+            let error = distance(&tracker.corners(), &corners(m));
+            // What is far off does not look like the object, and the guard says so.
+            assert!(
+                update.is_err() || update.unwrap().similarity < 0.5 || error < 5.0 || !text.contains("guard")
+            );
+            error
+        })
+        .collect()
+}
+
+#[test]
+fn guards_find_again_and_put_back() {
+    let scene = Scene::new(true);
+    let jump = [[200.0, 160.0], [201.0, 160.0], [290.0, 230.0], [291.0, 231.0]];
+    let truth = jump.map(|to| pose(0.0, 1.0, to));
+    let frames = truth.map(|m| scene.plain(&m));
+    let alone = errors("esm/zncc/homography", &frames, &truth);
+    assert!(alone[2] > 20.0, "{alone:?}");
+    let found = errors("guard(esm/zncc/homography, feature)", &frames, &truth);
+    assert!(found.iter().all(|e| *e < 0.5), "{found:?}");
+    // Three frames of something else, and the object where it was.
+    let still = [pose(0.0, 1.0, [220.0, 170.0]); 6];
+    let other = scene.plain(&pose(2.0, 1.6, [330.0, 120.0]));
+    let mut frames = still.map(|m| scene.plain(&m));
+    (1..4).for_each(|k| frames[k] = other.clone());
+    let kept = errors("guard(esm/ssd/homography)", &frames, &still);
+    assert!(kept[3] < 0.5 && kept[4] < 0.5, "{kept:?}");
+    let hidden = errors("guard(esm/ssd/homography; guard_reset=false)", &frames, &still);
+    assert!(hidden[4] > 5.0, "{hidden:?}");
+}
+
 #[test]
 fn points_under_an_occluder_are_rejected() {
     let scene = Scene::new(true);

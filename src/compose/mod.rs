@@ -7,6 +7,7 @@ mod best;
 mod cascade;
 mod feature;
 mod grid;
+mod guard;
 mod history;
 mod klt_grid;
 mod line;
@@ -19,6 +20,7 @@ pub use best::{Best, BestParams};
 pub use cascade::{Cascade, CascadeParams};
 pub use feature::{Detection, FeatureParams, FeatureTracker};
 pub use grid::{Grid, GridReset, PatchParams};
+pub use guard::{Guard, GuardParams};
 pub use klt_grid::KltGrid;
 pub use line::{LineParams, LineTracker};
 pub use nodes::NodeParams;
@@ -133,6 +135,16 @@ pub const COMPOSITES: &[CompositeEntry] = &[
         |p, members| {
             let (leader, template) = (members[0].plain()?, members[1].plain()?);
             Ok(Box::new(Rklt::new(params(p)?, leader, template)))
+        },
+    ),
+    CompositeEntry::of::<GuardParams>(
+        "guard",
+        &[],
+        "a tracker that is put back, or found again by a second member, when it no longer looks like the object",
+        1..=2,
+        |p, members| {
+            let detector = members.get(1).map(Member::plain).transpose()?;
+            Ok(Box::new(Guard::new(params(p)?, members[0].plain()?, detector)))
         },
     ),
     CompositeEntry::of::<GridSettings>(

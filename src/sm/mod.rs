@@ -40,6 +40,7 @@ pub use kit::Kit;
 pub use mask::{MaskParams, PointRule};
 pub use nn::{Nn, NnParams};
 pub use pf::{Estimate, Likelihood, Pf, PfParams, Step};
+pub(crate) use probe::Probe;
 pub use regression::{Regression, RegressionParams};
 pub use resample::Resampling;
 pub use sampling::{BorderMode, Channels, SamplingParams};

@@ -12,7 +12,7 @@ use rand_pcg::Pcg64;
 
 /// An appearance model and a warp looking at images.
 #[derive(Clone)]
-pub(super) struct Probe<A, S> {
+pub(crate) struct Probe<A, S> {
     pub sampling: SamplingParams,
     pub am: A,
     pub ssm: S,
