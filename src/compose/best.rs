@@ -6,10 +6,11 @@
 //! if the others are covered or outside the image.
 
 mod align;
+mod seek;
 mod view;
 
 use super::feature::{FeatureParams, FeatureTracker};
-use crate::estimate::{EstimateMethod, Estimator, EstimatorParams, PointModel};
+use crate::estimate::{EstimateMethod, Estimator, EstimatorParams};
 use crate::features::MatchParams;
 use crate::flow::{Klt, KltParams};
 use crate::geom::{Corners, Mat3, homography};
@@ -50,46 +51,6 @@ const FOUND_AGAIN: (f64, f64) = (0.8, 0.33);
 const FEW: usize = 5;
 /// What is usual before anything has been found: then the absolute limit decides.
 const USUAL: (f64, f64) = (1.0, 0.0);
-/// What a later candidate must be better by.
-const MARGIN: f64 = 0.03;
-/// Fewest points that flow is believed with, and least share of them.
-const FLOW: (usize, f64) = (8, 0.6);
-/// Rotations, degrees, and magnifications of the wider search.
-const TURNS: [f64; 6] = [-16.0, 16.0, -32.0, 32.0, -55.0, 55.0];
-const ZOOMS: [f64; 2] = [0.8, 1.25];
-/// When it has been lost: turns to a full circle, magnifications, how much wider the search is, how many of all pairs are
-/// tried in a frame, and the step through them, prime to their number.
-const AROUND: usize = 12;
-const SIZES: [f64; 5] = [1.0, 0.63, 1.6, 0.4, 2.5];
-const FARTHER: f64 = 3.0;
-const SHARE: usize = 6;
-const STRIDE: usize = 7;
-
-/// The plane's motion between frames.
-struct Plane;
-
-impl PointModel for Plane {
-    fn min_points(&self) -> usize {
-        4
-    }
-    fn fit(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
-        homography::from_points(from, to)
-    }
-    fn minimal(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
-        homography::from_four(from, to)
-    }
-    fn refine(&self, m: &Mat3, from: &[[f64; 2]], to: &[[f64; 2]], iterations: usize) -> Option<Mat3> {
-        homography::refine(m, from, to, iterations)
-    }
-}
-
-/// A pose with its score.
-#[derive(Clone, Copy, Debug)]
-struct Candidate {
-    pose: Mat3,
-    score: Score,
-}
-
 /// The tracker `best`; its similarity is the mean of the cubed correlations of the template's blocks, 0 to 1 (blocks
 /// outside the image count less).
 pub struct Best {
@@ -202,158 +163,6 @@ impl Best {
             && score.best >= self.params.best_found.max(part * self.usual.1)
             && score.agreeing >= AGREEING.0
             && score.agree >= AGREEING.1
-    }
-
-    /// Aligns from a start and keeps the result when it is the best.
-    fn attempt(&mut self, frame: &Frame, start: &Mat3, best: &mut Option<Candidate>) {
-        let Some((pose, score, iterations)) = self.aligner.align(frame, start, self.params.best_judge) else {
-            return;
-        };
-        self.iterations += iterations;
-        let better = |b: &Candidate| {
-            let found = (self.found(&score), self.found(&b.score));
-            if found.0 == found.1 {
-                score.total > b.score.total + MARGIN
-            } else {
-                found.0
-            }
-        };
-        if best.as_ref().is_none_or(better) {
-            *best = Some(Candidate { pose, score });
-        }
-    }
-
-    /// The pose that flow from the last frame leads to, searched from `guess`; whether it is to be believed on its own.
-    fn flow(&mut self, frame: &Frame, guess: &Mat3) -> Option<(Mat3, bool)> {
-        let previous = self.previous.take()?;
-        self.from.clear();
-        self.to.clear();
-        for x in &self.nodes {
-            let (a, b) = (homography::apply(&self.pose, *x), homography::apply(guess, *x));
-            let found = self.klt.track_point(&previous, frame, a, b);
-            if found.ok() {
-                self.from.push(*x);
-                self.to.push(found.at);
-            }
-        }
-        self.previous = Some(previous);
-        if self.from.len() < FLOW.0 {
-            return None;
-        }
-        let pose = self.estimator.estimate(&Plane, &self.from, &self.to).ok()?;
-        let agreed = self.estimator.inliers().iter().filter(|i| **i).count();
-        let sure = agreed >= FLOW.0 && agreed as f64 >= FLOW.1 * self.nodes.len() as f64;
-        Some((pose / pose[(2, 2)], sure && self.aligner.sound(&pose, frame)))
-    }
-
-    /// Turns and scales a pose about the object's centre.
-    fn turned(pose: &Mat3, degrees: f64, zoom: f64) -> Mat3 {
-        let (s, c) = libm::sincos(degrees.to_radians());
-        pose * Mat3::new(zoom * c, -zoom * s, 0.0, zoom * s, zoom * c, 0.0, 0.0, 0.0, 1.0)
-    }
-
-    /// Searches with each of some turns, in degrees, and magnifications, and aligns from the best.
-    fn sweep(
-        &mut self,
-        frame: &Frame,
-        from: &Mat3,
-        looks: impl IntoIterator<Item = (f64, f64)>,
-        reach: f64,
-        best: &mut Option<Candidate>,
-    ) {
-        let mut widest: Option<(Mat3, f64)> = None;
-        for (turn, zoom) in looks {
-            let start = Self::turned(from, turn, zoom);
-            let found = self.aligner.search(frame, &start, reach);
-            if let Some(f) = found
-                && widest.is_none_or(|w| f.1 > w.1)
-            {
-                widest = Some(f);
-            }
-        }
-        if let Some((pose, _)) = widest {
-            self.attempt(frame, &pose, best);
-        }
-    }
-
-    /// The pose at which the key points say the object is: near the last one, or anywhere.
-    fn key_points(&mut self, frame: &Frame, near: &Mat3) -> Option<Mat3> {
-        if !self.has_features {
-            return None;
-        }
-        let corners = if self.lost == 0 {
-            self.features.set_region(&self.aligner.corners(near)).ok()?;
-            self.features.update(frame).ok()?.corners
-        } else {
-            self.features.detect(frame).ok()?.corners
-        };
-        self.aligner.pose_at(&corners)
-    }
-
-    /// The best pose in a frame, and that of flow where it may be believed.
-    fn locate(&mut self, frame: &Frame) -> (Option<Candidate>, Option<Mat3>) {
-        let enough = self.params.best_enough * self.usual.0;
-        let certain = FOUND.1 * self.usual.1;
-        let judge = self.params.best_judge;
-        let hold = self.pose;
-        let ahead = self.motion * hold;
-        let moving = self.lost == 0
-            && self.aligner.assess(frame, &ahead, judge).total
-                > self.aligner.assess(frame, &hold, judge).total;
-        let first = if moving { ahead } else { hold };
-        let mut best = None;
-        let mut coast = None;
-        let good = |this: &Self, best: &Option<Candidate>, total: f64, part: f64| {
-            best.as_ref()
-                .is_some_and(|b| this.found(&b.score) && b.score.total >= total && b.score.best >= part)
-        };
-        self.attempt(frame, &first, &mut best);
-        if good(self, &best, enough, 0.0) {
-            return (best, None);
-        }
-        if self.previous.is_some() {
-            if let Some((pose, sure)) = self.flow(frame, &first) {
-                coast = sure.then_some(pose);
-                self.attempt(frame, &pose, &mut best);
-            }
-            if good(self, &best, enough, 0.0) {
-                return (best, None);
-            }
-        }
-        if let Some((pose, _)) = self.aligner.search(frame, &first, self.params.best_reach) {
-            self.attempt(frame, &pose, &mut best);
-        }
-        // What covers the object does so little by little; when much of it disagrees at once, the pose is wrong.
-        let sudden = self.params.best_enough * self.usual.0.min(self.last);
-        if good(self, &best, sudden, certain) {
-            return (best, coast);
-        }
-        let near = TURNS
-            .iter()
-            .map(|t| (*t, 1.0))
-            .chain(ZOOMS.iter().map(|z| (0.0, *z)));
-        self.sweep(frame, &first, near, self.params.best_reach, &mut best);
-        if !good(self, &best, 0.0, certain)
-            && let Some(pose) = self.key_points(frame, &first)
-        {
-            self.attempt(frame, &pose, &mut best);
-        }
-        if self.lost > 0 && !best.as_ref().is_some_and(|b| self.found(&b.score)) {
-            // It may be anywhere by now, and look like anything: a part of all this in each frame.
-            let every = |i: usize| {
-                let i = (self.lost * SHARE + i) * STRIDE % (AROUND * SIZES.len());
-                (360.0 / AROUND as f64 * (i % AROUND) as f64, SIZES[i / AROUND])
-            };
-            let reach = FARTHER * self.params.best_reach;
-            self.sweep(
-                frame,
-                &first,
-                std::array::from_fn::<_, SHARE, _>(every),
-                reach,
-                &mut best,
-            );
-        }
-        (best, coast)
     }
 
     /// Moves to a pose; flow follows the blocks that agree there.

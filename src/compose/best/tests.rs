@@ -195,7 +195,7 @@ fn poses_that_cannot_be_are_not_sound() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(8))]
     #[test]
     fn alignment_undoes_small_warps_whatever_the_light(d in prop::array::uniform8(-5.0f64..5.0), gain in 0.6f64..1.5, bias in -20.0f64..20.0) {
         let mut tracker = started();
