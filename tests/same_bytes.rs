@@ -6,6 +6,9 @@ use runs::{program, reproducible, write_data};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+/// No file.
+const NONE: [&Path; 0] = [];
+
 type Files = BTreeMap<PathBuf, Vec<u8>>;
 
 /// Runs over a small sequence, and returns the files that must not differ.
@@ -49,7 +52,7 @@ fn instruction_sets_agree_to_the_bit() {
     for (name, flags) in [("singles", &singles[..]), ("others", &others[..])] {
         let wide = run(dir, &format!("{name}-wide"), "avx2", flags);
         let portable = run(dir, &format!("{name}-portable"), "scalar", flags);
-        assert_eq!(differing(&wide, &portable), [Path::new(""); 0], "{name}");
+        assert_eq!(differing(&wide, &portable), NONE, "{name}");
     }
 }
 
@@ -84,6 +87,6 @@ fn threads_of_a_tracker_leave_no_trace() {
     for threads in ["2", "3"] {
         let several = [&flags[..], &["--threads-per-tracker", threads]].concat();
         let several = run(dir, threads, "avx2", &several);
-        assert_eq!(differing(&one, &several), [Path::new(""); 0], "{threads} threads");
+        assert_eq!(differing(&one, &several), NONE, "{threads} threads");
     }
 }

@@ -16,6 +16,8 @@ use std::time::{Duration, Instant};
 
 /// Longest time a line waits for its sync.
 const COMMIT_AFTER: Duration = Duration::from_secs(1);
+/// Files that are synced at the same time.
+const SYNCS: usize = 16;
 /// Most lines that wait for one sync.
 const COMMIT_UNITS: usize = 100;
 
@@ -267,12 +269,8 @@ impl JournalWriter {
         if self.waiting.is_empty() {
             return Ok(());
         }
-        for log in self.waiting.drain(..).flatten() {
-            // A log that has gone since is found by its digest when the directory is next read.
-            if let Ok(file) = File::open(&log) {
-                file.sync_data().map_err(|e| RunError::io(&log, e))?;
-            }
-        }
+        let logs: Vec<PathBuf> = self.waiting.drain(..).flatten().collect();
+        sync_all(&logs)?;
         self.oldest = None;
         self.file.sync_data().map_err(|e| RunError::io(&self.path, e))
     }
@@ -295,6 +293,26 @@ impl JournalWriter {
             }
         }
     }
+}
+
+/// Makes files durable, many at a time: each sync waits for the disk, and those that wait together share its work.
+fn sync_all(logs: &[PathBuf]) -> Result<(), RunError> {
+    let sync = |log: &PathBuf| match File::open(log) {
+        Ok(file) => file.sync_data().map_err(|e| RunError::io(log, e)),
+        // A log that has gone since is found by its digest when the directory is next read.
+        Err(_) => Ok(()),
+    };
+    std::thread::scope(|scope| {
+        let share = logs.len().div_ceil(SYNCS).max(1);
+        let parts: Vec<_> = logs
+            .chunks(share)
+            .map(|part| scope.spawn(move || part.iter().try_for_each(sync)))
+            .collect();
+        // A panic of the standard library is one here.
+        parts
+            .into_iter()
+            .try_for_each(|part| part.join().unwrap_or_else(|p| std::panic::resume_unwind(p)))
+    })
 }
 
 /// Length of the file up to and including its last newline.

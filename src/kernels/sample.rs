@@ -128,6 +128,8 @@ dispatch! {
     fn careful(image: Grid2<'_>, border: Border, x: &[f32], y: &[f32], out: [&mut [f32]; 3]) -> usize = careful_lanes;
 }
 
+// The parameter is there for `dispatch!`, which compiles both for the instruction set.
+#[allow(clippy::extra_unused_type_parameters)]
 #[inline(always)]
 fn careful_value_lanes<V: Lanes>(
     image: Grid2<'_>,
@@ -145,6 +147,7 @@ fn careful_value_lanes<V: Lanes>(
     outside
 }
 
+#[allow(clippy::extra_unused_type_parameters)]
 #[inline(always)]
 fn careful_lanes<V: Lanes>(
     image: Grid2<'_>,
