@@ -92,7 +92,7 @@ fn finds_the_tracker_that_changed() {
         .args(["compare", "a", "b", "--format", "csv", "--figures", "auc"])
         .assert()
         .success()
-        .stdout(contains("a,b,reference,tracker,figure,").and(contains("a,b,,pf/ssd/")));
+        .stdout(contains("a,b,reference,tracker,figure,").and(contains("a,b,,\"pf/ssd/")));
     program(dir)
         .args(["compare", "a", "b", "--format", "md"])
         .assert()
