@@ -99,7 +99,7 @@ fn finds_the_tracker_that_changed() {
         .success()
         .stdout(contains("| tracker"));
     // Trackers of one run against one of them.
-    let found = json(dir, &["a", "--reference", "esm/ssd/homography"]);
+    let found = json(dir, &["a", "--reference", "esm/ssd/homography{res=20x20}"]);
     assert_eq!(found["comparisons"][0]["trackers"], 2);
 }
 
