@@ -92,14 +92,14 @@ fn finds_the_tracker_that_changed() {
         .args(["compare", "a", "b", "--format", "csv", "--figures", "auc"])
         .assert()
         .success()
-        .stdout(contains("a,b,reference,tracker,figure,").and(contains("a,b,,pf/ssd/")));
+        .stdout(contains("a,b,reference,tracker,figure,").and(contains("a,b,,\"pf/ssd/")));
     program(dir)
         .args(["compare", "a", "b", "--format", "md"])
         .assert()
         .success()
         .stdout(contains("| tracker"));
     // Trackers of one run against one of them.
-    let found = json(dir, &["a", "--reference", "esm/ssd/homography"]);
+    let found = json(dir, &["a", "--reference", "esm/ssd/homography{res=20x20}"]);
     assert_eq!(found["comparisons"][0]["trackers"], 2);
 }
 
