@@ -541,7 +541,7 @@ fn signals_and_time_limits_finish_what_is_in_progress() {
         let lock = dir.join("parts/.lock");
         wait_for("no lock", || {
             let held = fs::read_to_string(&lock).is_ok_and(|t| t.contains("pid"));
-            held && dir.join("parts/run.json").exists() || child.try_wait().unwrap().is_some()
+            (held && dir.join("parts/run.json").exists()) || child.try_wait().unwrap().is_some()
         });
         if child.try_wait().unwrap().is_none() {
             // What holds the directory is named, by a second run and by status.

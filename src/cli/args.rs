@@ -155,6 +155,10 @@ pub struct ExperimentArgs {
     /// Which frames.
     #[command(flatten)]
     pub selection: SelectionArgs,
+    /// Where trackers start: ope (the first frame, one pass), subseq[:n] (n frames, a pass from each to the end)
+    /// [default: ope]
+    #[arg(long, value_name = "PROTOCOL", help_heading = "Frames")]
+    pub protocol: Option<Protocol>,
     /// Seed of all randomness [default: 0]
     #[arg(long, value_name = "N", help_heading = "Execution")]
     pub seed: Option<u64>,
@@ -228,10 +232,6 @@ pub struct SelectionArgs {
     /// Only every K-th frame [default: 1]
     #[arg(long, value_name = "K", value_parser = at_least_one)]
     pub frame_gap: Option<usize>,
-    /// Where trackers start: ope (the first frame, one pass), subseq[:n] (n frames, a pass from each to the end)
-    /// [default: ope]
-    #[arg(long, value_name = "PROTOCOL")]
-    pub protocol: Option<Protocol>,
     /// Fit the ground truth with this warp first (translation, isometry, ...), to judge trackers of few degrees of freedom
     /// by what they can follow
     #[arg(long, value_name = "SSM")]

@@ -7,6 +7,7 @@ use super::aggregate::{Results, UnitResult, UnitStatus, aggregate_tracker};
 use super::error::FrameError;
 use super::framelog::{parse_log, score_log, unpack_log};
 use super::journal::{Entry, EntryStatus, Journal, UnitTime};
+use super::machine::cpu_name;
 use super::plan::{FrameLogs, Key, Keys, Plan, Unit};
 use super::rundir::{RunDir, RunError, digest, host_name};
 use super::truth::{self, Truth};
@@ -219,16 +220,4 @@ fn write_timing(dir: &RunDir, plan: &Plan, times: &[(Unit, UnitTime)]) -> Result
         .into_inner()
         .map_err(|e| RunError::io(&path, e.into_error()))?;
     dir.write(&path, &bytes)
-}
-
-/// Model of this machine's processor.
-fn cpu_name() -> String {
-    let info = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = info
-        .lines()
-        .find_map(|l| l.strip_prefix("model name")?.split_once(':'));
-    model.map_or_else(
-        || std::env::consts::ARCH.to_string(),
-        |(_, name)| name.trim().to_string(),
-    )
 }

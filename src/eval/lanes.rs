@@ -262,9 +262,10 @@ fn run_group<'a>(
         let end = group.len().min(started + 2 * context.pool.current_num_threads());
         let few = &mut group[started..end];
         context.pool.install(|| {
-            few.par_iter_mut()
-                .with_max_len(1)
-                .for_each(|active| track_window(context, sequence, active, &window))
+            few.par_iter_mut().with_max_len(1).for_each(|active| {
+                let track = || track_window(context, sequence, active, &window);
+                context.spent.on(Activity::Tracking, track);
+            })
         });
         used += few.iter().map(|active| memory(sequence, active)).sum::<u64>();
         started = end;

@@ -66,7 +66,7 @@ impl Machine {
 }
 
 /// Model of this machine's processor.
-fn cpu_name() -> String {
+pub(super) fn cpu_name() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = info
         .lines()
