@@ -76,7 +76,7 @@ fn an_object_that_moves_fast_turns_is_blurred_and_half_covered_is_kept() {
     let (_, spec) = SynthSpec::parse_command(command).unwrap();
     let rendered = render_sequence(&spec).unwrap();
     assert!(rendered.speed()[0] > 15.0, "{:?}", rendered.speed());
-    let [w, h] = spec.size.map(|v| v as usize);
+    let [w, h] = spec.size;
     let frames = rendered
         .iter()
         .map(|(image, truth)| (Decoded::from_rgb(w, h, image.into_raw()), truth));

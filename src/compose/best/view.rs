@@ -67,8 +67,6 @@ pub(super) struct Block {
 /// Template, points and Jacobian of one level.
 #[derive(Clone, Debug)]
 pub(super) struct View {
-    /// Level of the pyramid.
-    pub level: usize,
     /// Points in the base frame.
     pub x: Vec<f32>,
     pub y: Vec<f32>,
@@ -224,7 +222,6 @@ impl View {
             neighbour_ends.push(neighbours.len());
         }
         Some(View {
-            level,
             x,
             y,
             ends,

@@ -156,7 +156,8 @@ impl Aligner {
                 n += 1.0;
             }
             let moved = (sum / n).sqrt();
-            if !(moved < STEP * self.base.unit * libm::exp2(self.zoom(pose, frame)?)) {
+            // No point in sight leaves no number.
+            if moved.is_nan() || moved >= STEP * self.base.unit * libm::exp2(self.zoom(pose, frame)?) {
                 return None;
             }
             *pose = next;
