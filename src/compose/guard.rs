@@ -1,9 +1,9 @@
 //! Guard: a tracker whose answers are doubted when what they show no longer looks like the object, and what is done then.
 //!
-//! Confidence is the zero-mean normalised cross-correlation of the region in the first frame and in the present one, both
+//! Confidence is the normalised cross-correlation (zero mean) of the region in the first frame and in the present one, both
 //! seen through the homography of their corners: in [-1, 1] whatever appearance model the tracker compares by.
 
-use crate::am::Zncc;
+use crate::am::Ncc;
 use crate::geom::Corners;
 use crate::image::Frame;
 use crate::params::Resolution;
@@ -31,7 +31,7 @@ pub struct Guard {
     params: GuardParams,
     tracker: Box<dyn Tracker>,
     detector: Option<Box<dyn Tracker>>,
-    probe: Probe<Zncc, Homography>,
+    probe: Probe<Ncc, Homography>,
     trusted: Corners,
     doubts: usize,
 }
@@ -51,7 +51,7 @@ impl Guard {
             params,
             tracker,
             detector,
-            probe: Probe::new(sampling, Zncc::default(), Homography::default()),
+            probe: Probe::new(sampling, Ncc::default(), Homography::default()),
             trusted: Corners::default(),
             doubts: 0,
         }
@@ -120,7 +120,11 @@ impl Tracker for Guard {
                 }
             }
         }
-        let update = update?;
+        // Where it was put back to is the answer too.
+        let update = Update {
+            corners: self.tracker.corners(),
+            ..update?
+        };
         if confidence >= self.params.min_confidence {
             self.trusted = update.corners;
             self.doubts = 0;

@@ -337,10 +337,18 @@ macro_rules! flow {
     };
 }
 
-/// One search method after another.
+/// One search method, with its settings, after another.
 macro_rules! after {
-    ($first:literal, $then:literal) => {
-        concat!("cascade(", $first, "/{am}/{ssm}, ", $then, "/{lit}/{ssm})")
+    ($first:literal, $settings:literal, $then:literal) => {
+        concat!(
+            "cascade(",
+            $first,
+            "/{am}/{ssm}",
+            $settings,
+            ", ",
+            $then,
+            "/{lit}/{ssm})"
+        )
     };
 }
 
@@ -382,42 +390,42 @@ pub const SHORT: &[ShortEntry] = &[
         &[],
         COMPOSITE,
         "nearest neighbour, then ICLK",
-        after!("nn", "iclk"),
+        after!("nn", "", "iclk"),
     ),
     ShortEntry::new(
         "nnfc",
         &[],
         COMPOSITE,
         "nearest neighbour, then FCLK",
-        after!("nn", "fclk"),
+        after!("nn", "", "fclk"),
     ),
     ShortEntry::new(
         "nnes",
         &[],
         COMPOSITE,
         "nearest neighbour, then ESM",
-        after!("nn", "esm"),
+        after!("nn", "", "esm"),
     ),
     ShortEntry::new(
         "pfic",
         &[],
         COMPOSITE,
         "particle filter, then ICLK",
-        after!("pf", "iclk"),
+        after!("pf", "{max_iters=2}", "iclk"),
     ),
     ShortEntry::new(
         "pffc",
         &[],
         COMPOSITE,
         "particle filter, then FCLK",
-        after!("pf", "fclk"),
+        after!("pf", "{max_iters=2}", "fclk"),
     ),
     ShortEntry::new(
         "pfes",
         &[],
         COMPOSITE,
         "particle filter, then ESM",
-        after!("pf", "esm"),
+        after!("pf", "{max_iters=2}", "esm"),
     ),
     ShortEntry::new(
         "pyic",

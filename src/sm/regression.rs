@@ -22,13 +22,26 @@ use crate::tracker::{Stop, TrackError, Tracker, Update};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
+/// Common shift and single coordinate of the corners, px: from what ESM is lost in down to where it converges, in steps
+/// that each level's error stays within.
+const LEVELS: [[f64; 2]; 8] = [
+    [24.0, 16.0],
+    [20.0, 12.0],
+    [16.0, 8.0],
+    [12.0, 6.0],
+    [8.0, 4.0],
+    [4.0, 2.0],
+    [2.0, 1.0],
+    [1.0, 0.5],
+];
+
 crate::params! {
     /// Parameters of learned regression.
     pub struct RegressionParams {
         /// Samples per level.
         n_samples: usize = 1000, in 2..=1_000_000;
         /// Most steps per frame: one per level, the others at the last.
-        max_iters: usize = 10, in 1..=100_000;
+        max_iters: usize = 20, in 1..=100_000;
         /// Converged when the corners' squared motion, summed over all eight coordinates, falls below this; px².
         epsilon: f64 = 1e-4, in 0.0..=1e6;
         /// What is disturbed: corners, points or params.
@@ -37,7 +50,7 @@ crate::params! {
         unit: SampleUnit = SampleUnit::Pixels;
         /// Deviations of samples, a set per level, the coarsest first: common shift and single coordinate (COMMON:SINGLE), or one
         /// per parameter.
-        sigma: SigmaSets = SigmaSets([16.0, 8.0, 4.0, 2.0, 1.0].iter().map(|t| vec![*t, 0.5 * t]).collect());
+        sigma: SigmaSets = SigmaSets(LEVELS.iter().map(|l| l.to_vec()).collect());
         /// Ridge as a share of the inputs' mean square.
         ridge: f64 = 0.1, in 1e-9..=1e3;
         /// Samples along each side of a cell.
