@@ -5,10 +5,11 @@
 //! their nearest samples (Hajebi et al. 2011), downhill from the best of some samples; `fgnn` is the same over a graph that is made
 //! from distances along the principal axes.
 
-use crate::am::AppearanceModel;
+use crate::am::{AppearanceModel, Metric};
 use crate::kernels;
 use crate::params::param_enum;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rayon::prelude::*;
 use std::num::NonZero;
 
 param_enum! {
@@ -83,7 +84,86 @@ impl Nearest {
     }
 }
 
+/// Compares features, one for each thread that may do so at once.
+pub(super) struct Judge<A> {
+    am: A,
+    near: Nearest,
+}
+
+/// Numbers that must be compared before another thread is worth it; a value of a model whose distance is no sum over values
+/// counts as many.
+const WORTH: usize = 1 << 18;
+const DEAR: usize = 32;
+
+impl<A: AppearanceModel> Judge<A> {
+    pub fn new(am: A) -> Self {
+        Judge {
+            am,
+            near: Nearest::new(1),
+        }
+    }
+}
+
+/// Compares the query with `count` samples, `id` names them, and offers them in this order, whoever compares.
+fn offer_all<A: AppearanceModel>(
+    judges: &mut [Judge<A>],
+    features: &Features,
+    query: &[f32],
+    count: usize,
+    id: impl Fn(usize) -> usize + Sync,
+    out: &mut Nearest,
+) {
+    let price = match judges[0].am.capabilities().metric {
+        Metric::Other => DEAR,
+        Metric::SquaredL2 | Metric::L1 => 1,
+    };
+    if judges.len() == 1 || count * features.len * price < WORTH {
+        for i in (0..count).map(id) {
+            out.offer(judges[0].am.distance(query, features.row(i), out.bound()), i);
+        }
+        return;
+    }
+    let share = count.div_ceil(judges.len());
+    let known = &*out;
+    judges.par_iter_mut().enumerate().for_each(|(k, judge)| {
+        let Judge { am, near } = judge;
+        near.k = known.k;
+        near.found.clone_from(&known.found);
+        for i in (count.min(k * share)..count.min((k + 1) * share)).map(&id) {
+            near.offer(am.distance(query, features.row(i), near.bound()), i);
+        }
+    });
+    for judge in judges {
+        for &(distance, i) in &judge.near.found {
+            if !out.found.iter().any(|f| f.1 == i) {
+                out.offer(distance, i);
+            }
+        }
+    }
+}
+
+/// What `of` makes of each number below `count`, in order, each state of `states` working on a share of them.
+fn in_shares<T: Send, R: Send>(
+    states: &mut [T],
+    count: usize,
+    of: impl Fn(&mut T, usize) -> R + Sync,
+) -> Vec<R> {
+    if let [state] = states {
+        return (0..count).map(|i| of(state, i)).collect();
+    }
+    let share = count.div_ceil(states.len());
+    let shares = states.par_iter_mut().enumerate();
+    let made: Vec<Vec<R>> = shares
+        .map(|(k, state)| {
+            let mine = count.min(k * share)..count.min((k + 1) * share);
+            mine.map(|i| of(state, i)).collect()
+        })
+        .collect();
+    made.into_iter().flatten().collect()
+}
+
 /// Projection onto the principal axes of samples.
+#[derive(Clone)]
 pub(super) struct Axes {
     mean: Vec<f32>,
     axes: Vec<Vec<f32>>,
@@ -168,28 +248,30 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    fn new(features: &Features, candidates: usize) -> Option<Self> {
-        let mut axes = Axes::of(features);
-        let points: Vec<[f32; AXES]> = (0..features.count())
-            .map(|i| axes.project(features.row(i)))
-            .collect();
+    /// With what each sample is along the axes. Made by so many threads.
+    fn new(features: &Features, candidates: usize, threads: usize) -> Option<(Self, Vec<[f32; AXES]>)> {
+        let axes = Axes::of(features);
+        let mut each = vec![axes.clone(); threads];
+        let points = in_shares(&mut each, features.count(), |axes, i| {
+            axes.project(features.row(i))
+        });
         let tree = ImmutableKdTree::new_from_slice(&points).ok()?;
-        Some(Tree {
+        let tree = Tree {
             axes,
             tree,
             candidates,
-        })
+        };
+        Some((tree, points))
     }
 
     /// The nearest along the axes, in order.
-    fn nearest(&mut self, query: &[f32], count: usize) -> Vec<usize> {
-        let point = self.axes.project(query);
+    fn nearest(&self, point: &[f32; AXES], count: usize) -> Vec<usize> {
         let Some(count) = NonZero::new(count).filter(|_| point.iter().all(|v| v.is_finite())) else {
             return Vec::new();
         };
         let near = self
             .tree
-            .query(&point)
+            .query(point)
             .nearest_n::<SquaredEuclidean<f32>>(count)
             .execute();
         near.into_iter().map(|r| r.item as usize).collect()
@@ -206,56 +288,62 @@ pub(super) struct Graph {
     /// Search in which each node was compared last.
     seen: Vec<u32>,
     search: u32,
+    /// Samples to compare next.
+    next: Vec<u32>,
 }
 
 impl Graph {
-    fn new(n: usize, degree: usize, max_steps: usize, mut nearest: impl FnMut(usize) -> Vec<usize>) -> Self {
+    /// `near`: for each sample those that are nearest to it, itself perhaps among them.
+    fn new(near: Vec<Vec<usize>>, degree: usize, max_steps: usize) -> Self {
+        let n = near.len();
         let degree = degree.min(n - 1);
-        let links = (0..n)
-            .flat_map(|i| {
-                let mut near = nearest(i);
-                near.retain(|&j| j != i);
-                // Never fewer than the others have.
-                near.resize(degree, i);
-                near.into_iter().map(|j| j as u32)
-            })
-            .collect();
+        let links = near.into_iter().enumerate().flat_map(|(i, mut near)| {
+            near.retain(|&j| j != i);
+            // Never more, nor fewer, than the others have.
+            near.resize(degree, i);
+            near.into_iter().map(|j| j as u32)
+        });
         Graph {
-            links,
+            links: links.collect(),
             degree,
             max_steps,
             last: 0,
             seen: vec![0; n],
             search: 0,
+            next: Vec::with_capacity(n),
         }
     }
 
-    fn find(&mut self, mut distance: impl FnMut(usize, f32) -> f32, out: &mut Nearest) {
+    /// `offer` compares the query with samples and offers them.
+    fn find(&mut self, mut offer: impl FnMut(&[u32], &mut Nearest), out: &mut Nearest) {
         self.search = self.search.wrapping_add(1);
-        let mut visit = |i: usize, seen: &mut [u32]| {
-            if seen[i] != self.search {
-                seen[i] = self.search;
-                let d = distance(i, out.bound());
-                out.offer(d, i);
-            }
-            out.found.first().map_or(0, |f| f.1)
-        };
         // Start at the best of the last answer, the identity and others from all over: walks that begin among the many
         // samples near the identity may not find out.
         let n = self.seen.len();
-        let mut at = visit(self.last, &mut self.seen);
-        for i in (0..n).step_by(n.div_ceil(PROBES)) {
-            at = visit(i, &mut self.seen);
-        }
-        for _ in 0..self.max_steps {
-            let mut best = at;
-            for &j in &self.links[at * self.degree..(at + 1) * self.degree] {
-                best = visit(j as usize, &mut self.seen);
+        self.next.clear();
+        let starts = [self.last].into_iter().chain((0..n).step_by(n.div_ceil(PROBES)));
+        for i in starts {
+            if self.seen[i] != self.search {
+                self.seen[i] = self.search;
+                self.next.push(i as u32);
             }
-            if best == at {
+        }
+        offer(&self.next, out);
+        let best = |out: &Nearest| out.found.first().map_or(0, |f| f.1);
+        let mut at = best(out);
+        for _ in 0..self.max_steps {
+            self.next.clear();
+            for &j in &self.links[at * self.degree..(at + 1) * self.degree] {
+                if self.seen[j as usize] != self.search {
+                    self.seen[j as usize] = self.search;
+                    self.next.push(j);
+                }
+            }
+            offer(&self.next, out);
+            if best(out) == at {
                 break;
             }
-            at = best;
+            at = best(out);
         }
         self.last = at;
     }
@@ -280,7 +368,11 @@ pub(super) struct IndexSettings {
 
 impl Index {
     /// Index over the samples, of which there are two at least. Where no tree can be built, a linear one.
-    pub fn new<A: AppearanceModel>(am: &A, features: &Features, settings: IndexSettings) -> Self {
+    pub fn new<A: AppearanceModel>(
+        judges: &mut [Judge<A>],
+        features: &Features,
+        settings: IndexSettings,
+    ) -> Self {
         let n = features.count();
         let IndexSettings {
             candidates,
@@ -288,34 +380,29 @@ impl Index {
             max_steps,
             ..
         } = settings;
+        let wanted = (degree + 1).min(n);
         match settings.kind {
             IndexKind::Auto | IndexKind::Linear => Index::Linear,
-            IndexKind::Kd => Tree::new(features, candidates).map_or(Index::Linear, Index::Kd),
+            IndexKind::Kd => Tree::new(features, candidates, judges.len())
+                .map_or(Index::Linear, |(tree, _)| Index::Kd(tree)),
             IndexKind::Gnn => {
-                let mut distances = vec![(0.0, 0); n];
-                Index::Graph(Graph::new(n, degree, max_steps, |i| {
-                    for (j, d) in distances.iter_mut().enumerate() {
-                        *d = (am.distance(features.row(i), features.row(j), f32::INFINITY), j);
-                    }
-                    let wanted = (degree + 1).min(n);
+                let near = in_shares(judges, n, |judge, i| {
+                    let row = features.row(i);
+                    let mut distances: Vec<(f32, usize)> = (0..n)
+                        .map(|j| (judge.am.distance(row, features.row(j), f32::INFINITY), j))
+                        .collect();
                     distances
                         .select_nth_unstable_by(wanted - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-                    distances[..wanted]
-                        .iter()
-                        .map(|d| d.1)
-                        .filter(|&j| j != i)
-                        .take(degree)
-                        .collect()
-                }))
+                    distances[..wanted].iter().map(|d| d.1).collect()
+                });
+                Index::Graph(Graph::new(near, degree, max_steps))
             }
-            IndexKind::Fgnn => Tree::new(features, candidates).map_or(Index::Linear, |mut tree| {
-                Index::Graph(Graph::new(n, degree, max_steps, |i| {
-                    let mut near = tree.nearest(features.row(i), degree + 1);
-                    near.retain(|&j| j != i);
-                    near.truncate(degree);
-                    near
-                }))
-            }),
+            IndexKind::Fgnn => {
+                Tree::new(features, candidates, judges.len()).map_or(Index::Linear, |(tree, points)| {
+                    let near = in_shares(judges, n, |_, i| tree.nearest(&points[i], wanted));
+                    Index::Graph(Graph::new(near, degree, max_steps))
+                })
+            }
         }
     }
 
@@ -325,29 +412,28 @@ impl Index {
         matches!(self, Index::Kd(_))
     }
 
-    /// The nearest samples to a query; fewer than asked for where distances are not finite.
+    /// The nearest samples to a query; fewer than asked for where distances are not finite. The same for any number of
+    /// judges.
     pub fn find<A: AppearanceModel>(
         &mut self,
-        am: &A,
+        judges: &mut [Judge<A>],
         features: &Features,
         query: &[f32],
         out: &mut Nearest,
     ) {
         out.found.clear();
-        let distance = |i: usize, bound: f32| am.distance(query, features.row(i), bound);
         match self {
-            Index::Linear => {
-                for i in 0..features.count() {
-                    out.offer(distance(i, out.bound()), i);
-                }
-            }
+            Index::Linear => offer_all(judges, features, query, features.count(), |i| i, out),
             Index::Kd(tree) => {
                 let count = tree.candidates.max(2 * out.k).min(features.count());
-                for i in tree.nearest(query, count) {
-                    out.offer(distance(i, out.bound()), i);
-                }
+                let point = tree.axes.project(query);
+                let near = tree.nearest(&point, count);
+                offer_all(judges, features, query, near.len(), |k| near[k], out);
             }
-            Index::Graph(graph) => graph.find(distance, out),
+            Index::Graph(graph) => graph.find(
+                |ids, out| offer_all(judges, features, query, ids.len(), |k| ids[k] as usize, out),
+                out,
+            ),
         }
     }
 
@@ -356,7 +442,7 @@ impl Index {
         match self {
             Index::Linear => 0,
             Index::Kd(tree) => 4 * (AXES + 2) * tree.axes.mean.len() + 4 * (AXES + 1) * tree.tree.size(),
-            Index::Graph(graph) => 4 * (graph.links.len() + graph.seen.len()),
+            Index::Graph(graph) => 4 * (graph.links.len() + 2 * graph.seen.len()),
         }
     }
 }
@@ -404,7 +490,9 @@ mod tests {
             max_steps: 20,
         };
         let kinds = [IndexKind::Linear, IndexKind::Kd, IndexKind::Gnn, IndexKind::Fgnn];
-        let mut indices = kinds.map(|kind| Index::new(&am, &features, settings(kind)));
+        // One that compares, or three.
+        let mut judges = [1, 3].map(|count| (0..count).map(|_| Judge::new(am.clone())).collect::<Vec<_>>());
+        let mut indices = kinds.map(|kind| Index::new(&mut judges[1], &features, settings(kind)));
         assert!(indices[1].is_tree());
         for round in 0..40 {
             let at = rng.random_range(0..600);
@@ -420,16 +508,38 @@ mod tests {
                 .collect();
             all.sort_by(|a, b| a.0.total_cmp(&b.0));
             for (index, kind) in indices.iter_mut().zip(kinds) {
-                let mut near = Nearest::new(5);
-                index.find(&am, &features, &query, &mut near);
-                assert_eq!(near.found[..], all[..5], "{kind:?}, round {round}");
+                for judges in &mut judges {
+                    let mut near = Nearest::new(5);
+                    index.find(judges, &features, &query, &mut near);
+                    assert_eq!(near.found[..], all[..5], "{kind:?}, round {round}");
+                }
             }
         }
         // Nothing is near a query that is not finite.
         for index in &mut indices {
             let mut near = Nearest::new(5);
-            index.find(&am, &features, &[f32::NAN; 99], &mut near);
+            index.find(&mut judges[0], &features, &[f32::NAN; 99], &mut near);
             assert!(near.found.is_empty());
+        }
+    }
+    #[test]
+    fn many_compare_as_one_does() {
+        let mut features = sheet(3000, 99);
+        assert!(features.values.len() > WORTH);
+        // Ties, also between those that different threads look at.
+        features.values.copy_within(0..99 * 1500, 99 * 1500);
+        let am = Ssd::default();
+        let mut judges =
+            [1, 2, 3].map(|count| (0..count).map(|_| Judge::new(am.clone())).collect::<Vec<_>>());
+        for i in [0, 7, 1499] {
+            let query = features.row(i).to_vec();
+            let found = judges.each_mut().map(|judges| {
+                let mut near = Nearest::new(4);
+                Index::Linear.find(judges, &features, &query, &mut near);
+                near.found
+            });
+            assert_eq!(found[0][..2], [(0.0, i), (0.0, i + 1500)]);
+            assert!(found[1..].iter().all(|f| *f == found[0]), "sample {i}");
         }
     }
 }

@@ -5,7 +5,7 @@
 //! (the local reconstruction of Roweis & Saul 2000), and the same combination of their increments is applied.
 
 use super::SmEntry;
-use super::index::{Features, Index, IndexKind, IndexSettings, Nearest};
+use super::index::{Features, Index, IndexKind, IndexSettings, Judge, Nearest};
 use super::pf::Step;
 use super::probe::Probe;
 use super::sampling::SamplingParams;
@@ -16,10 +16,11 @@ use crate::geom::{Corners, homography};
 use crate::image::{Frame, Image};
 use crate::kernels;
 use crate::params::{ParamError, ParamValue, Params};
-use crate::ssm::{Increment, Perturbation, SampleUnit, Sampler, SigmaSets, StateSpaceModel};
+use crate::ssm::{Dynamics, Increment, Perturbation, SampleUnit, Sampler, SigmaSets, StateSpaceModel};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
+use rayon::prelude::*;
 
 crate::params! {
     /// Parameters of nearest-neighbour search.
@@ -111,6 +112,9 @@ pub struct Nn<A, S> {
     regions: Vec<Corners>,
     base: Corners,
     index: Index,
+    /// As many as there are threads.
+    judges: Vec<Judge<A>>,
+    threads: usize,
     near: Nearest,
     reconstruction: Reconstruction,
     query: Vec<f32>,
@@ -120,7 +124,7 @@ pub struct Nn<A, S> {
     best: Vec<f64>,
 }
 
-impl<A: AppearanceModel, S: StateSpaceModel> Nn<A, S> {
+impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
     /// With default parameters.
     pub fn new(am: A, ssm: S) -> Self {
         Self::with_params(SamplingParams::default(), NnParams::default(), am, ssm)
@@ -137,6 +141,8 @@ impl<A: AppearanceModel, S: StateSpaceModel> Nn<A, S> {
             regions: Vec::new(),
             base: Corners::default(),
             index: Index::Linear,
+            judges: Vec::new(),
+            threads: 1,
             near: Nearest::new(1),
             reconstruction: Reconstruction::new(0, 0),
             query: Vec::new(),
@@ -168,23 +174,53 @@ impl<A: AppearanceModel, S: StateSpaceModel> Nn<A, S> {
         self.base = self.probe.ssm.base_corners();
         self.regions = vec![self.base; n];
         let mut rng = Pcg64::seed_from_u64(self.seed);
-        let (home, mut work) = (vec![0.0; s], vec![0.0; 2 * s]);
+        let (home, mut last) = (vec![0.0; s], vec![0.0; s]);
+        let mut states = vec![0.0; n * s];
         let additive = self.increment() == Increment::Additive;
-        let rows = self.features.values.chunks_exact_mut(len);
-        for (i, (row, d)) in rows.zip(self.increments.chunks_exact_mut(s)).enumerate() {
-            if i > 0 {
-                let set = p.sigma.set_of(i - 1, n - 1);
-                self.probe
-                    .look_around(image, &mut sampler, set, &mut rng, &mut work, b)?;
-                let ssm = &self.probe.ssm;
-                if additive {
-                    d.iter_mut().zip(ssm.state()).for_each(|(d, p)| *d = -p);
-                } else {
-                    ssm.relative_into(ssm.state(), &home, d)?;
-                }
-                self.regions[i] = ssm.corners_at(d);
+        let ssm = &mut self.probe.ssm;
+        let samples = states
+            .chunks_exact_mut(s)
+            .zip(self.increments.chunks_exact_mut(s));
+        for (i, (state, d)) in samples.enumerate().skip(1) {
+            let set = p.sigma.set_of(i - 1, n - 1);
+            let (walk, how) = (Dynamics::RandomWalk, Increment::Compositional);
+            sampler.transition(set, ssm, walk, how, &mut rng, state, &mut last)?;
+            if additive {
+                d.iter_mut().zip(&*state).for_each(|(d, p)| *d = -p);
+            } else {
+                ssm.relative_into(state, &home, d)?;
             }
-            self.probe.am.feature_into(&b.values, row);
+            self.regions[i] = ssm.corners_at(d);
+        }
+        let rows = self
+            .features
+            .values
+            .chunks_exact_mut(len)
+            .zip(states.chunks_exact(s));
+        let show = |probe: &mut Probe<A, S>, b: &mut Buffers, row: &mut [f32], state: &[f64]| {
+            probe.ssm.set_state(state)?;
+            // Whatever lies outside the image has the border's value, here as on every frame.
+            let _ = probe.look(image, b);
+            probe.am.feature_into(&b.values, row);
+            Ok::<(), TrackError>(())
+        };
+        if self.threads == 1 {
+            for (row, state) in rows {
+                show(&mut self.probe, b, row, state)?;
+            }
+        } else {
+            let mut probes = vec![self.probe.clone(); self.threads];
+            let share = n.div_ceil(self.threads);
+            let rows = self.features.values.par_chunks_mut(share * len);
+            let shares = rows.zip(states.par_chunks(share * s));
+            probes
+                .par_iter_mut()
+                .zip(shares)
+                .try_for_each(|(probe, (rows, states))| {
+                    let mut ws = probe.workspace();
+                    let mut rows = rows.chunks_exact_mut(len).zip(states.chunks_exact(s));
+                    rows.try_for_each(|(row, state)| show(probe, &mut ws, row, state))
+                })?;
         }
         self.probe.ssm.set_state(&home)
     }
@@ -204,8 +240,8 @@ impl<A: AppearanceModel, S: StateSpaceModel> Nn<A, S> {
 
     /// Increment for the present query.
     fn answer(&mut self) -> Result<(), TrackError> {
-        let am = &self.probe.am;
-        self.index.find(am, &self.features, &self.query, &mut self.near);
+        self.index
+            .find(&mut self.judges, &self.features, &self.query, &mut self.near);
         let near = &self.near.found;
         let nearest = near.first().ok_or(TrackError::NotFinite("distance"))?.1;
         let s = self.delta.len();
@@ -255,15 +291,17 @@ impl<A: AppearanceModel, S: StateSpaceModel> Nn<A, S> {
     }
 }
 
-impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Nn<A, S> {
+impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Nn<A, S> {
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         let image = frame.with_channels(self.channels());
         let mut ws = self.probe.workspace();
         self.probe.start(image, corners, &mut ws)?;
+        self.judges.clear();
+        let judge = || Judge::new(self.probe.am.clone());
+        self.judges.resize_with(self.threads, judge);
         self.collect(image, &mut ws)?;
-        let am = &self.probe.am;
         let p = &self.params;
-        let kind = match (p.index, am.capabilities().metric) {
+        let kind = match (p.index, self.probe.am.capabilities().metric) {
             (IndexKind::Auto, Metric::SquaredL2) => IndexKind::Kd,
             (IndexKind::Auto, Metric::L1) => IndexKind::Linear,
             (IndexKind::Auto, Metric::Other) => IndexKind::Fgnn,
@@ -275,7 +313,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Nn<A, S> {
             degree: p.degree,
             max_steps: p.max_steps,
         };
-        self.index = Index::new(am, &self.features, settings);
+        self.index = Index::new(&mut self.judges, &self.features, settings);
         let (k, s, len) = (
             p.neighbours.min(p.n_samples),
             self.probe.ssm.dof(),
@@ -343,6 +381,10 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Nn<A, S> {
         self.seed = seed;
     }
 
+    fn set_threads(&mut self, threads: usize) {
+        self.threads = threads.max(1);
+    }
+
     fn channels(&self) -> usize {
         self.probe.sampling.channels.count()
     }
@@ -351,7 +393,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Nn<A, S> {
         // Before `init` some models do not know the length of their feature; patches are of that order.
         let len = self.probe.am.feature_len().max(self.probe.sampling.shape().len());
         let sample = 4 * len + 8 * (self.probe.ssm.dof() + 8);
-        self.probe.memory() + self.params.n_samples * sample + self.index.memory()
+        (1 + self.threads) * self.probe.memory() + self.params.n_samples * sample + self.index.memory()
     }
 }
 

@@ -19,7 +19,7 @@ use crate::ssm::{
     Dynamics, Increment, Mean, Perturbation, SampleUnit, Sampler, SigmaSets, StateSpaceModel, mean_into,
 };
 use crate::tracker::{Stop, TrackError, Tracker, Update};
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
@@ -133,8 +133,8 @@ pub struct Pf<A, S> {
     /// Search parameters; changes take effect at the next `init`.
     pub params: PfParams,
     probe: Probe<A, S>,
-    /// With more threads than one: what scores each share of the particles.
-    helpers: Vec<Probe<A, S>>,
+    /// With more threads than one: what moves and scores each share of the particles.
+    helpers: Vec<(Probe<A, S>, Sampler)>,
     threads: usize,
     /// The model has seen the patch at the old place in the new frame.
     opened: bool,
@@ -211,19 +211,23 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
     /// Moves every particle and scores it.
     fn scatter(&mut self, image: &Image, pass: usize, b: &mut Buffers) {
         let s = self.estimate.len();
-        let dynamics = if pass == 0 {
-            self.params.dynamics
-        } else {
-            Dynamics::RandomWalk
-        };
-        let how = match self.params.update {
-            Step::Additive => Increment::Additive,
-            Step::Compositional => Increment::Compositional,
-        };
         let factor = self.params.shrink.powi(pass as i32);
         for (now, first) in self.sampler.sigma.0.iter_mut().zip(&self.params.sigma.0) {
             now.iter_mut().zip(first).for_each(|(v, f)| *v = factor * f);
         }
+        let step = Move {
+            dynamics: if pass == 0 {
+                self.params.dynamics
+            } else {
+                Dynamics::RandomWalk
+            },
+            how: match self.params.update {
+                Step::Additive => Increment::Additive,
+                Step::Compositional => Increment::Compositional,
+            },
+            likelihood: self.params.likelihood,
+            seed: self.rng.random(),
+        };
         let Cloud {
             states,
             last,
@@ -231,24 +235,25 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
             sets,
             ..
         } = &mut self.cloud;
-        let particles = states.chunks_exact_mut(s).zip(last.chunks_exact_mut(s));
-        for ((p, r), &set) in particles.zip(&*sets) {
-            let (ssm, rng) = (&mut self.probe.ssm, &mut self.rng);
-            // A particle that cannot move stays.
-            let _ = self.sampler.transition(set, ssm, dynamics, how, rng, p, r);
-        }
-        let likelihood = self.params.likelihood;
         if self.helpers.is_empty() {
-            score_all(&mut self.probe, likelihood, image, states, scores, b);
+            let all = Share {
+                first: 0,
+                states,
+                last,
+                sets,
+                scores,
+            };
+            step.make(&mut self.probe, &mut self.sampler, image, all, b);
             return;
         }
-        let share = scores.len().div_ceil(self.helpers.len());
-        let shares = states.par_chunks(share * s).zip(scores.par_chunks_mut(share));
-        let (opened, patch) = (self.opened, &b.values);
-        self.helpers
-            .par_iter_mut()
-            .zip(shares)
-            .for_each(|(probe, (states, scores))| {
+        let size = scores.len().div_ceil(self.helpers.len());
+        let shares = states
+            .par_chunks_mut(size * s)
+            .zip(last.par_chunks_mut(size * s))
+            .zip(sets.par_chunks(size).zip(scores.par_chunks_mut(size)));
+        let (opened, patch, sigma) = (self.opened, &b.values, &self.sampler.sigma);
+        self.helpers.par_iter_mut().zip(shares).enumerate().for_each(
+            |(k, ((probe, sampler), ((states, last), (sets, scores))))| {
                 // Each begins the frame as the tracker itself did.
                 if pass == 0 {
                     probe.am.begin_frame();
@@ -256,9 +261,18 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
                         probe.am.set_current(patch);
                     }
                 }
+                sampler.sigma.clone_from(sigma);
+                let mine = Share {
+                    first: k * size,
+                    states,
+                    last,
+                    sets,
+                    scores,
+                };
                 let mut ws = probe.workspace();
-                score_all(probe, likelihood, image, states, scores, &mut ws);
-            });
+                step.make(probe, sampler, image, mine, &mut ws);
+            },
+        );
     }
 
     /// Weights from scores; false when no particle has any.
@@ -401,26 +415,53 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
     }
 }
 
-/// Scores of particles at `states`.
-fn score_all<A: AppearanceModel, S: StateSpaceModel>(
-    probe: &mut Probe<A, S>,
+/// Particles side by side, from number `first` on.
+struct Share<'a> {
+    first: usize,
+    states: &'a mut [f64],
+    last: &'a mut [f64],
+    sets: &'a [usize],
+    scores: &'a mut [f64],
+}
+
+/// What happens to particles in a pass.
+struct Move {
+    dynamics: Dynamics,
+    how: Increment,
     likelihood: Likelihood,
-    image: &Image,
-    states: &[f64],
-    scores: &mut [f64],
-    b: &mut Buffers,
-) {
-    let s = probe.ssm.dof();
-    for (p, score) in states.chunks_exact(s).zip(scores) {
-        let there = probe.ssm.set_state(p);
-        let f = there.and_then(|()| probe.similarity(image, b));
-        *score = match f {
-            Ok(_) if likelihood == Likelihood::Am => libm::log(probe.am.likelihood().max(f64::MIN_POSITIVE)),
-            Ok(f) => f,
-            Err(_) => f64::NEG_INFINITY,
-        };
-        if score.is_nan() {
-            *score = f64::NEG_INFINITY;
+    /// Each particle draws from a stream of its own, made of this and its number: whichever thread moves it.
+    seed: u64,
+}
+
+impl Move {
+    /// Moves particles and scores them.
+    fn make<A: AppearanceModel, S: StateSpaceModel>(
+        &self,
+        probe: &mut Probe<A, S>,
+        sampler: &mut Sampler,
+        image: &Image,
+        share: Share<'_>,
+        b: &mut Buffers,
+    ) {
+        let s = probe.ssm.dof();
+        let states = share.states.chunks_exact_mut(s);
+        let particles = states.zip(share.last.chunks_exact_mut(s)).zip(share.sets);
+        for ((i, ((p, r), &set)), score) in (share.first as u64..).zip(particles).zip(share.scores) {
+            let mut rng = Pcg64::seed_from_u64(self.seed.wrapping_add(i));
+            // A particle that cannot move stays.
+            let _ = sampler.transition(set, &mut probe.ssm, self.dynamics, self.how, &mut rng, p, r);
+            let there = probe.ssm.set_state(p);
+            let f = there.and_then(|()| probe.similarity(image, b));
+            *score = match f {
+                Ok(_) if self.likelihood == Likelihood::Am => {
+                    libm::log(probe.am.likelihood().max(f64::MIN_POSITIVE))
+                }
+                Ok(f) => f,
+                Err(_) => f64::NEG_INFINITY,
+            };
+            if score.is_nan() {
+                *score = f64::NEG_INFINITY;
+            }
         }
     }
 }
@@ -467,7 +508,8 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Pf<A, S
         self.probe.ready();
         self.helpers.clear();
         if self.threads > 1 {
-            self.helpers.resize(self.threads.min(n), self.probe.clone());
+            let helper = (self.probe.clone(), self.sampler.clone());
+            self.helpers.resize(self.threads.min(n), helper);
         }
         Ok(())
     }
@@ -496,8 +538,8 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Pf<A, S
                 };
                 if learns {
                     self.probe.am.learn(&ws.values);
-                    for helper in &mut self.helpers {
-                        helper.am.learn(&ws.values);
+                    for (probe, _) in &mut self.helpers {
+                        probe.am.learn(&ws.values);
                     }
                 }
                 Ok(Update {
@@ -517,8 +559,8 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Pf<A, S
 
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
         self.probe.set_region(corners)?;
-        for helper in &mut self.helpers {
-            helper.ssm.clone_from(&self.probe.ssm);
+        for (probe, _) in &mut self.helpers {
+            probe.ssm.clone_from(&self.probe.ssm);
         }
         self.rest();
         Ok(())

@@ -20,8 +20,12 @@ param_enum! {
     }
 }
 
-/// Halvings of the interval in which the logarithm of the inverse temperature lies.
-const HALVINGS: usize = 40;
+/// Limits of the logarithm of the inverse temperature, in units of the scores' spread, and where its search begins.
+const COLDNESS: [f64; 2] = [-10.0, 20.0];
+const USUAL_COLDNESS: f64 = 0.5;
+/// The search ends when the effective number is right to this, relatively, or after so many rounds.
+const PRECISION: f64 = 1e-5;
+const ROUNDS: usize = 40;
 
 /// Effective number of particles, `(Σw)² / Σw²`.
 pub(super) fn effective(weights: &[f64]) -> f64 {
@@ -60,16 +64,7 @@ pub(super) fn temper(scores: &[f64], carried: &[f64], share: Option<f64>, weight
             let (count, sum) = finite.fold((0.0, 0.0), |(n, s), v| (n + 1.0, s + (top - v)));
             let spread: f64 = sum / count;
             if spread > 0.0 && spread.is_finite() {
-                let (mut low, mut high) = (-10.0, 20.0);
-                for _ in 0..HALVINGS {
-                    let middle = 0.5 * (low + high);
-                    if with(libm::exp(middle) / spread) > wanted {
-                        low = middle;
-                    } else {
-                        high = middle;
-                    }
-                }
-                with(libm::exp(low) / spread);
+                find_root(|x| libm::log(with(libm::exp(x) / spread) / wanted));
             } else {
                 with(0.0);
             }
@@ -77,6 +72,34 @@ pub(super) fn temper(scores: &[f64], carried: &[f64], share: Option<f64>, weight
     }
     let total: f64 = weights.iter().sum();
     weights.iter_mut().for_each(|w| *w /= total);
+}
+
+/// Evaluates `g`, which falls, last of all where it is nearly zero: brackets its root by steps that double, then regula falsi
+/// with the Illinois rule (Dowell & Jarratt 1971). Ends at a limit that `g` does not cross zero before.
+fn find_root(mut g: impl FnMut(f64) -> f64) {
+    let [least, most] = COLDNESS;
+    let mut a = (USUAL_COLDNESS, g(USUAL_COLDNESS));
+    let mut step = a.1.signum();
+    let mut b = a;
+    while a.1 * b.1 > 0.0 {
+        if b.0 == least || b.0 == most {
+            return;
+        }
+        a = b;
+        b.0 = (b.0 + step).clamp(least, most);
+        b.1 = g(b.0);
+        step *= 2.0;
+    }
+    for _ in 0..ROUNDS {
+        if b.1.abs() < PRECISION {
+            return;
+        }
+        let x = (a.0 * b.1 - b.0 * a.1) / (b.1 - a.1);
+        let value = g(x);
+        // The end that stays counts half.
+        a = if value * b.1 < 0.0 { b } else { (a.0, 0.5 * a.1) };
+        b = (x, value);
+    }
 }
 
 /// Draws as many particles as there are weights (normalised) into `chosen`; `cumulative` is scratch of the same length.
