@@ -27,7 +27,7 @@ one_core+=(timeout -k 10 "$limit")
 
 if [ -z "$MTF_EVAL" ]; then
     cargo build --release
-    MTF_EVAL=${CARGO_TARGET_DIR:-target}/release/mtf-eval
+    MTF_EVAL=$(realpath "${CARGO_TARGET_DIR:-target}/release/mtf-eval")
 fi
 
 # 200 frames of a textured plane: an object of 220x180 px under a smooth homography, 3 px a frame, with noise.
@@ -80,12 +80,9 @@ printf '{"schema_version": 1, "rows": [%s]}\n' "$(paste -sd, "$work/rows")" >"$w
 
 mkdir -p "$out"
 load=$(cut -d' ' -f2 /proc/loadavg 2>/dev/null || echo 0)
-ours() {
-    "${one_core[@]}" "$MTF_EVAL" bench "$work/data" --repeats "$passes" \
-        --sm esm,fclk,falk,iclk --am ssd,zncc --tracker 'grid(flow)' --against "$work/peers.json" "$@"
-}
-ours --format md --save "$out/bench.json" --chart "$out/speed.svg" | tee "$out/bench.md"
-cp "$work/peers.json" "$out/peers.json"
+(cd "$work" && "${one_core[@]}" "$MTF_EVAL" bench data --repeats "$passes" --sm esm,fclk,falk,iclk --am ssd,zncc \
+    --tracker 'grid(flow)' --against peers.json --format md --save bench.json --chart speed.svg) | tee "$out/bench.md"
+cp "$work"/{bench,peers}.json "$work/speed.svg" "$out"
 if awk "BEGIN { exit !($load > 1.5) }"; then
     echo "
 The machine was shared with other work (load $load): ours are upper bounds." |

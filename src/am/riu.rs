@@ -44,12 +44,12 @@ pub struct Riu {
 
 #[derive(Clone, Debug, Default)]
 struct Scratch {
-    /// `s`, `q s`, `1/(κ + X)`, diagonal of the Hessian's Gram part.
+    /// `s` of the template, `q s` or `ρ s`, `1/(κ + X)`, diagonal of the Hessian's Gram part.
     slope: Vec<f32>,
     product: Vec<f32>,
     own: Vec<f32>,
     weights: Vec<f32>,
-    /// `J's`, `J'(q s)`, `J'w`, S each.
+    /// Products of the Jacobian with two of these, S each.
     sums: Vec<f64>,
 }
 
@@ -61,29 +61,39 @@ impl Riu {
         self.template.len() as f64
     }
 
-    /// `s` of a side.
-    fn slope_into(&self, side: Side, out: &mut [f32]) {
+    /// `s` of a side; `space` holds the template's.
+    fn slope<'a>(&'a self, side: Side, space: &'a mut [f32]) -> &'a [f32] {
         match side {
-            Side::Current => out.copy_from_slice(&self.inverse),
-            Side::Template => kernels::affine_product(-1.0, -1.0, &self.ratio, &self.inverse, out),
+            Side::Current => &self.inverse,
+            Side::Template => {
+                kernels::affine_product(-1.0, -1.0, &self.ratio, &self.inverse, space);
+                space
+            }
         }
     }
 
-    /// `ρ_i = a + b q_i`.
-    fn rho(&self) -> (f64, f64) {
+    /// `ρ s` of a side, `ρ_i = a + b q_i`.
+    fn slope_of_f(&self, slope: &[f32], out: &mut [f32]) {
         let k = -1.0 / (self.n() * self.mean);
-        (k * self.f, 2.0 * k)
+        kernels::affine_product((k * self.f) as f32, (2.0 * k) as f32, &self.deviation, slope, out);
     }
 
-    /// Hessian of a side and, into `self.scratch.sums`, `J's` and `J'(q s)`.
-    fn accumulate(&mut self, side: Side, curvature: Curvature, j: &Jacobian, h: &mut SymMatrix) {
-        let mut t = std::mem::take(&mut self.scratch);
+    /// Hessian of a side and, where asked for, the gradient.
+    fn accumulate(
+        &mut self,
+        side: Side,
+        curvature: Curvature,
+        j: &Jacobian,
+        h: &mut SymMatrix,
+        gradient: Option<&mut [f64]>,
+    ) {
+        let mut scratch = std::mem::take(&mut self.scratch);
+        let t = &mut scratch;
         let cols = j.cols();
-        if t.sums.len() < 3 * cols {
-            t.sums.resize(3 * cols, 0.0);
+        if t.sums.len() < 2 * cols {
+            t.sums.resize(2 * cols, 0.0);
         }
-        self.slope_into(side, &mut t.slope);
-        kernels::affine_product(0.0, 1.0, &self.deviation, &t.slope, &mut t.product);
+        let slope = self.slope(side, &mut t.slope);
         let (n, m, f) = (self.n(), self.mean, self.f);
         match curvature {
             Curvature::SelfHessian => {
@@ -93,24 +103,30 @@ impl Riu {
                 };
                 kernels::reciprocal(self.params.kappa as f32, own, &mut t.own);
                 kernels::affine_product(0.0, 1.0, &t.own, &t.own, &mut t.weights);
-                let rhs = [&t.slope[..], &t.product, &t.own];
-                kernels::weighted_normal_equations(j, &t.weights, &rhs, h, &mut t.sums[..3 * cols]);
-                let w = &t.sums[2 * cols..3 * cols];
+                self.slope_of_f(slope, &mut t.product);
+                let rhs = [&t.own[..], &t.product];
+                let rhs = &rhs[..1 + usize::from(gradient.is_some())];
+                kernels::weighted_normal_equations(j, &t.weights, rhs, h, &mut t.sums[..rhs.len() * cols]);
+                let (w, g) = t.sums.split_at(cols);
                 h.fill_from(|p, q, jj| -2.0 / n * (jj - w[p] * w[q] / n));
+                if let Some(gradient) = gradient {
+                    gradient.copy_from_slice(&g[..cols]);
+                }
             }
             Curvature::Standard => {
                 // Weights of the Gram part over -2/(n m): s², and on the template side -n m ρ r/(κ + T)².
                 match side {
                     Side::Current => {
-                        kernels::affine_product(0.0, 1.0, &t.slope, &t.slope, &mut t.weights);
+                        kernels::affine_product(0.0, 1.0, slope, slope, &mut t.weights);
                     }
                     Side::Template => {
                         // s² - n m ρ r/(κ + T)² = -s/(κ + T) (r + f + 2 q) = -s/(κ + T) (m + f + 3 q).
-                        kernels::affine_product(0.0, -1.0, &self.inverse, &t.slope, &mut t.own);
+                        kernels::affine_product(0.0, -1.0, &self.inverse, slope, &mut t.own);
                         kernels::affine_product((m + f) as f32, 3.0, &self.deviation, &t.own, &mut t.weights);
                     }
                 }
-                let rhs = [&t.slope[..], &t.product];
+                kernels::affine_product(0.0, 1.0, &self.deviation, slope, &mut t.product);
+                let rhs = [slope, &t.product];
                 kernels::weighted_normal_equations(j, &t.weights, &rhs, h, &mut t.sums[..2 * cols]);
                 let (s, qs) = t.sums.split_at(cols);
                 let k = 2.0 / (n * m);
@@ -118,9 +134,14 @@ impl Riu {
                     let outer = s[a] * s[b];
                     -k * (jj - outer / n) + k / (n * m) * (qs[a] * s[b] + s[a] * qs[b] + f * outer)
                 });
+                if let Some(gradient) = gradient {
+                    for (g, (s, qs)) in gradient.iter_mut().zip(s.iter().zip(qs)) {
+                        *g = -k * (0.5 * f * s + qs);
+                    }
+                }
             }
         }
-        self.scratch = t;
+        self.scratch = scratch;
     }
 }
 
@@ -168,7 +189,7 @@ impl AppearanceModel for Riu {
             buffer.clear();
             buffer.resize(shape.len(), 0.0);
         }
-        t.sums.resize(3 * MAX_DOF, 0.0);
+        t.sums.resize(2 * MAX_DOF, 0.0);
         kernels::reciprocal(self.params.kappa as f32, patch, &mut self.inverse);
         self.mean = 1.0;
         self.f = 0.0;
@@ -185,17 +206,15 @@ impl AppearanceModel for Riu {
         self.f
     }
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
-        let mut slope = std::mem::take(&mut self.scratch.slope);
-        self.slope_into(side, &mut slope);
-        let (a, b) = self.rho();
-        kernels::affine_product(a as f32, b as f32, &self.deviation, &slope, out);
-        self.scratch.slope = slope;
+        let mut space = std::mem::take(&mut self.scratch.slope);
+        self.slope_of_f(self.slope(side, &mut space), out);
+        self.scratch.slope = space;
     }
     fn hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
-        self.accumulate(side, Curvature::Standard, j, h);
+        self.accumulate(side, Curvature::Standard, j, h, None);
     }
     fn self_hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
-        self.accumulate(side, Curvature::SelfHessian, j, h);
+        self.accumulate(side, Curvature::SelfHessian, j, h, None);
     }
     fn linearise(
         &mut self,
@@ -205,12 +224,7 @@ impl AppearanceModel for Riu {
         _scratch: &mut [f32],
         out: &mut Normal,
     ) {
-        self.accumulate(side, curvature, j, &mut out.hessian);
-        let (s, qs) = self.scratch.sums.split_at(j.cols());
-        let (a, b) = self.rho();
-        for (g, (s, qs)) in out.gradient.iter_mut().zip(s.iter().zip(qs)) {
-            *g = a * s + b * qs;
-        }
+        self.accumulate(side, curvature, j, &mut out.hessian, Some(&mut out.gradient));
     }
     fn likelihood(&self) -> f64 {
         libm::exp(self.params.likelihood_alpha * self.f)
