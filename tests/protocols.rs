@@ -4,7 +4,8 @@ mod runs;
 
 use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
-use runs::{assert_same, program};
+use runs::{assert_same, program, write_data};
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -170,4 +171,70 @@ fn a_tracker_that_loses_the_object_is_started_anew() {
         .args(["check", "every:5", "--baseline", "base.json"])
         .assert()
         .code(11);
+}
+
+#[test]
+fn grids_list_protocols() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    write_data(&dir.join("data"), &[10, 7]);
+    let grid = "data = 'data'\nsm = ['esm', 'iclk']\nprotocol = ['subseq:3',\n 'ope', 'reinit:10']\n[params]\nres = '15x15'\n";
+    fs::write(dir.join("grid.toml"), grid).unwrap();
+    let plan = |args: &[&str]| -> Value {
+        let mut command = program(dir);
+        command
+            .args(["plan", "--grid", "grid.toml", "--format", "json"])
+            .args(args);
+        serde_json::from_slice(&command.assert().success().get_output().stdout).unwrap()
+    };
+    // Starts 0, 3, 6 of 10 frames and 0, 2, 4 of 7, of which 0 serves both; and one of each sequence for reinit.
+    let all = plan(&["--shards", "3"]);
+    assert_eq!(all["protocol"], "ope,reinit:10:5,subseq:3");
+    assert_eq!((&all["starts"], &all["units"]), (&8.into(), &16.into()));
+    assert_eq!(all["frames"], 2 * (10 + 7 + 4 + 7 + 5 + 3 + 10 + 7));
+    let shards = all["shards"].as_array().unwrap().iter();
+    assert_eq!(shards.map(|s| s["units"].as_i64().unwrap()).sum::<i64>(), 16);
+    assert_eq!(plan(&["--protocol", "every,ope"])["units"], 8);
+
+    let run = ["run", "--grid", "grid.toml", "--out", "out", "--quiet"];
+    program(dir).args(run).assert().success();
+    let summary = rows(&dir.join("out/summary.csv"));
+    let names: Vec<String> = summary
+        .iter()
+        .map(|r| format!("{} {} {}", r["sm"], r["protocol"], r["runs"]))
+        .step_by(2)
+        .collect();
+    let expected = |sm: &str| {
+        [
+            format!("{sm} ope 2"),
+            format!("{sm} reinit:10:5 2"),
+            format!("{sm} subseq:3 6"),
+        ]
+    };
+    assert_eq!(names, [expected("esm"), expected("iclk")].concat());
+    assert_eq!(rows(&dir.join("out/sequences.csv")).len(), 2 * (2 + 2 + 6));
+    program(dir)
+        .args(["status", "out", "--format", "json"])
+        .assert()
+        .success()
+        .stdout(contains("\"units\": 16"));
+    let journal = fs::read(dir.join("out/journal.jsonl")).unwrap();
+    program(dir)
+        .args(run)
+        .args(["--protocol", "ope"])
+        .assert()
+        .success();
+    assert_eq!(fs::read(dir.join("out/journal.jsonl")).unwrap(), journal);
+
+    fs::write(dir.join("grid.toml"), grid.replace("'ope'", "'opa'")).unwrap();
+    program(dir)
+        .args(run)
+        .assert()
+        .code(2)
+        .stderr(contains("grid.toml:4: protocol: unknown protocol 'opa'"));
+    program(dir)
+        .args(["run", "--protocol", "reinit:0"])
+        .assert()
+        .code(2)
+        .stderr(contains("reinit[:thresh[:skip]]"));
 }
