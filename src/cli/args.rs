@@ -11,7 +11,7 @@ use super::plan::PlanArgs;
 use super::status::StatusArgs;
 use super::synth::SynthArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use mtf_eval::eval::{Protocol, Shard};
+use mtf_eval::eval::{Protocols, Shard};
 use mtf_eval::output::Format;
 use mtf_eval::params::{ParamValue, Resolution};
 use std::path::PathBuf;
@@ -155,10 +155,11 @@ pub struct ExperimentArgs {
     /// Which frames.
     #[command(flatten)]
     pub selection: SelectionArgs,
-    /// Where trackers start: ope (the first frame, one pass), subseq[:n] (n frames, a pass from each to the end)
-    /// [default: ope]
-    #[arg(long, value_name = "PROTOCOL", help_heading = "Frames")]
-    pub protocol: Option<Protocol>,
+    /// Where trackers start, comma separated: ope (the first frame, one pass), subseq[:n] (n frames, a pass from each to the
+    /// end; 10), reinit[:thresh:skip] (anew skip frames after an error above thresh px or no output; 20:5), every[:k] (anew
+    /// every k frames; 10) [default: ope]
+    #[arg(long, value_name = "LIST", help_heading = "Frames")]
+    pub protocol: Option<Protocols>,
     /// Seed of all randomness [default: 0]
     #[arg(long, value_name = "N", help_heading = "Execution")]
     pub seed: Option<u64>,

@@ -198,13 +198,17 @@ fn table(changed: &[TrackerChange], format: Format, console: &Console) -> String
         "",
     ];
     let signed = |v: f64| format!("{v:+.4}");
+    let several = changed.iter().any(|c| c.protocol != changed[0].protocol);
     let rows: Vec<Vec<String>> = changed
         .iter()
         .flat_map(|c| {
             c.figures.iter().enumerate().map(move |(i, f)| {
                 let (tracker, sequences) = match i {
                     0 => (
-                        c.tracker.clone(),
+                        match several {
+                            true => format!("{} ({})", c.tracker, c.protocol),
+                            false => c.tracker.clone(),
+                        },
                         format!("{}/{} sequences", c.sequences_changed, c.sequences),
                     ),
                     _ => (String::new(), String::new()),
@@ -249,6 +253,7 @@ fn csv(found: &[Comparison]) -> String {
         "sequences_changed",
         "runs",
         "runs_changed",
+        "protocol",
     ];
     let number = |v: f64| {
         if v.is_nan() {
@@ -270,6 +275,7 @@ fn csv(found: &[Comparison]) -> String {
             cells.push(f.verdict.word().to_owned());
             let counts = [t.sequences, t.sequences_changed, t.units, t.units_changed];
             cells.extend(counts.map(|n| n.to_string()));
+            cells.push(t.protocol.clone());
             cells
         });
         each.collect()

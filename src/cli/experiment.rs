@@ -9,7 +9,7 @@ use mtf_eval::dataset::{self, Label, LoadOptions, Sequence};
 use mtf_eval::eval::baseline::recordable;
 use mtf_eval::eval::grid::{Grid, GridError};
 use mtf_eval::eval::request::sequence_id;
-use mtf_eval::eval::{FrameLogs, Protocol, RunRequest, TrackerEntry};
+use mtf_eval::eval::{FrameLogs, Protocols, RunRequest, TrackerEntry};
 use mtf_eval::image::parse_preprocessor;
 use mtf_eval::registry::{Refusal, Registry, Selection, SpecError, TrackerSpec};
 use mtf_eval::ssm;
@@ -68,7 +68,7 @@ pub(super) fn experiment(
         trackers,
         sequences,
         pre,
-        protocol: args.protocol.unwrap_or_default(),
+        protocol: args.protocol.clone().unwrap_or_default(),
         seed: args.seed.unwrap_or(0),
         shard: None,
         threads: 0,
@@ -129,7 +129,14 @@ fn complete(args: &mut ExperimentArgs, grid: &Grid) -> Result<(), GridError> {
     or(&mut selection.max_frames, grid, "max_frames", at_least_two)?;
     or(&mut selection.frame_gap, grid, "frame_gap", at_least_one)?;
     or(&mut selection.gt_ssm, grid, "gt_ssm", text)?;
-    or(&mut args.protocol, grid, "protocol", str::parse::<Protocol>)?;
+    let protocols = grid.list("protocol").iter().map(|l| {
+        let parsed = l.text.parse::<Protocols>();
+        parsed.map_err(|e| grid.at(l.line, format!("protocol: {e}")))
+    });
+    let protocols: Vec<Protocols> = protocols.collect::<Result<_, _>>()?;
+    if args.protocol.is_none() && !protocols.is_empty() {
+        args.protocol = Some(Protocols::new(protocols.iter().flat_map(|p| p.iter().copied())));
+    }
     or(&mut selection.on_bad_data, grid, "on_bad_data", |s| {
         OnBadData::from_str(s, true)
     })?;

@@ -4,6 +4,7 @@ use super::args::{ListArgs, ListWhat};
 use super::{Failure, Outcome, print};
 use mtf_eval::dataset::{self, LoadOptions, OnBadData};
 use mtf_eval::eval::error::Metric;
+use mtf_eval::eval::score::FIGURES;
 use mtf_eval::ilm::IlmEntry;
 use mtf_eval::output::{Format, render};
 use mtf_eval::params::ParamInfo;
@@ -189,10 +190,11 @@ fn listing(what: ListWhat, registry: &Registry, data: &[PathBuf]) -> Result<List
             )
         }
         ListWhat::Metrics => {
-            let rows = Metric::ALL
+            let metrics = Metric::ALL
                 .iter()
-                .map(|m| row(&[m.name(), m.unit(), m.description()]))
-                .collect();
+                .map(|m| row(&[m.name(), m.unit(), m.description()]));
+            let figures = FIGURES.iter().map(|cells| row(cells));
+            let rows = metrics.chain(figures).collect();
             ("metrics", vec!["metric", "unit", "description"], rows)
         }
         ListWhat::Data => {

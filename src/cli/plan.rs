@@ -137,14 +137,17 @@ pub fn run(args: &PlanArgs, console: &Console) -> Outcome {
 /// Figures of the whole plan: name, value, text.
 fn totals(plan: &Plan, estimate: Option<&Estimate>) -> Vec<(&'static str, Value, String)> {
     let plain = |name, value: u64| (name, Value::from(value), value.to_string());
-    let starts: usize = plan.sequences.iter().map(|s| s.starts.len()).sum();
     let datasets: BTreeSet<&str> = plan.sequences.iter().map(|s| s.dataset.as_str()).collect();
     let mut rows = vec![
         plain("trackers", plan.trackers.len() as u64),
         plain("datasets", datasets.len() as u64),
         plain("sequences", plan.sequences.len() as u64),
-        ("protocol", plan.protocol.clone().into(), plan.protocol.clone()),
-        plain("starts", starts as u64),
+        (
+            "protocol",
+            plan.protocol.to_string().into(),
+            plan.protocol.to_string(),
+        ),
+        plain("starts", plan.passes().len() as u64),
         plain("units", plan.len() as u64),
         plain("frames", plan.frames()),
     ];

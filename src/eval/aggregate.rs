@@ -4,6 +4,7 @@
 //! the order in which units finished.
 
 use super::error::{FrameError, Metric};
+use super::protocol::Protocol;
 use super::score::{Sample, Score};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -67,13 +68,14 @@ pub struct UnitResult {
     pub sequence: String,
     /// Index of the initial frame.
     pub start: usize,
-    /// Protocol: `ope`, `subseq:10`, ...
+    /// [`Protocol`]: `ope`, `subseq:10`, ...
     pub protocol: String,
     /// How the run ended.
     #[serde(flatten)]
     pub status: UnitStatus,
-    /// One per scored frame (annotated, not initial); `None`: no or non-finite output. A failed run has `None` for the
-    /// frames it did not reach, as far as their number is known.
+    /// One per scored frame (annotated, not initial; see [`Protocol`]); `None`: no or non-finite output, or a failure that
+    /// the tracker was started anew after. A failed run has `None` for the frames it did not reach, as far as their number
+    /// is known.
     pub errors: Vec<Option<FrameError>>,
     /// Error over the dense grid of each frame that has such truth, px; infinite without output.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -250,9 +252,11 @@ pub fn aggregate_tracker(units: &[&UnitResult]) -> Results {
     };
     units.sort_by_key(|u| (&u.dataset, &u.sequence, u.start));
 
+    let restarted = protocol.parse().is_ok_and(|p: Protocol| p.restarts_on_failure());
     let sample = |units: &[&UnitResult]| {
         let grid = units.iter().flat_map(|u| &u.grid).copied();
-        Sample::new(units.iter().flat_map(|u| &u.errors), grid)
+        let sample = Sample::new(units.iter().flat_map(|u| &u.errors), grid);
+        if restarted { sample.restarted() } else { sample }
     };
     let pooled = sample(&units);
     let curve = |dataset: &str, sequence: &str, metric, sample: &Sample| CurveRow {

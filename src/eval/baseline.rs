@@ -152,7 +152,11 @@ impl Baseline {
             failed,
             sr_5: score.sr_5,
             auc: score.auc,
-            al_median: score.al_median,
+            // Not one frame that was tracked is as bad as can be.
+            al_median: match score.al_median.is_nan() && score.frames > 0 {
+                true => f64::INFINITY,
+                false => score.al_median,
+            },
         };
         let pooled = results
             .summary

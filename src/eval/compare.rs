@@ -104,11 +104,12 @@ impl Run {
             .collect()
     }
 
-    /// Rows of each tracker.
-    fn trackers(&self) -> BTreeMap<&str, Vec<&SequenceRow>> {
-        let mut trackers: BTreeMap<&str, Vec<&SequenceRow>> = BTreeMap::new();
+    /// Rows of each tracker under each protocol.
+    fn trackers(&self) -> BTreeMap<(&str, &str), Vec<&SequenceRow>> {
+        let mut trackers: BTreeMap<(&str, &str), Vec<&SequenceRow>> = BTreeMap::new();
         for row in &self.results.sequences {
-            trackers.entry(&row.tracker.id).or_default().push(row);
+            let key = (row.tracker.id.as_str(), row.protocol.as_str());
+            trackers.entry(key).or_default().push(row);
         }
         trackers
     }
@@ -210,6 +211,8 @@ pub struct FigureChange {
 pub struct TrackerChange {
     /// Its id in the second run.
     pub tracker: String,
+    /// The protocol.
+    pub protocol: String,
     /// Units that both runs have.
     pub units: usize,
     /// Of those, units with other figures.
@@ -273,22 +276,30 @@ fn same(a: &SequenceRow, b: &SequenceRow) -> bool {
 /// [`CompareError`]: other protocol, data, thresholds; nothing in common.
 pub fn compare(a: &Run, b: &Run, options: &Options) -> Result<Comparison, CompareError> {
     let (of_a, of_b) = (a.trackers(), b.trackers());
-    let reference = match &options.reference {
-        Some(id) => Some(of_a.get(id.as_str()).ok_or_else(|| CompareError::NoReference {
+    let ids = |of: &BTreeMap<(&'_ str, &str), _>| -> BTreeSet<String> {
+        of.keys().map(|(id, _)| (*id).to_owned()).collect()
+    };
+    let (ids_a, ids_b) = (ids(&of_a), ids(&of_b));
+    if let Some(id) = options.reference.as_ref().filter(|id| !ids_a.contains(*id)) {
+        return Err(CompareError::NoReference {
             run: a.name.clone(),
             tracker: id.clone(),
-            suggestion: crate::registry::suggest(id, of_a.keys().copied()),
-        })?),
-        None => None,
-    };
+            suggestion: crate::registry::suggest(id, ids_a.iter().map(String::as_str)),
+        });
+    }
+    // What a tracker is compared with: itself, or the reference.
+    fn partner<'a>(options: &'a Options, id: &'a str) -> &'a str {
+        options.reference.as_deref().unwrap_or(id)
+    }
     // The reference itself is left out where it would meet itself.
     let itself = |id: &str| options.reference.as_deref() == Some(id) && a.name == b.name;
     let partners: Vec<(&str, &Vec<&SequenceRow>, &Vec<&SequenceRow>)> = of_b
         .iter()
-        .filter(|(id, _)| !itself(id))
-        .filter_map(|(id, rows)| Some((*id, reference.or_else(|| of_a.get(id))?, rows)))
+        .filter(|((id, _), _)| !itself(id))
+        .filter_map(|((id, protocol), rows)| Some((*id, of_a.get(&(partner(options, id), *protocol))?, rows)))
         .collect();
-    let obstacles = obstacles(a, b, partners.is_empty());
+    let compared = |id: &String| !itself(id) && ids_a.contains(partner(options, id));
+    let obstacles = obstacles(a, b, !ids_b.iter().any(compared));
     if !obstacles.is_empty() {
         return Err(CompareError::NotComparable(obstacles));
     }
@@ -296,7 +307,7 @@ pub fn compare(a: &Run, b: &Run, options: &Options) -> Result<Comparison, Compar
         a: a.name.clone(),
         b: b.name.clone(),
         reference: options.reference.clone(),
-        trackers: partners.len(),
+        trackers: partners.iter().map(|(id, ..)| id).collect::<BTreeSet<_>>().len(),
         settings: settings(a, b, options.reference.is_some()),
         ..Comparison::default()
     };
@@ -320,11 +331,20 @@ pub fn compare(a: &Run, b: &Run, options: &Options) -> Result<Comparison, Compar
         return Err(CompareError::NotComparable(vec![nothing]));
     }
     if options.reference.is_none() {
-        let only = |these: &BTreeMap<&str, _>, those: &BTreeMap<&str, _>| {
-            let lacking = these.keys().filter(|id| !those.contains_key(*id));
-            lacking.map(|id| (*id).to_owned()).collect()
+        let only = |these: &BTreeSet<String>, those: &BTreeSet<String>| {
+            let lacking = these.difference(those).cloned();
+            lacking.collect()
         };
-        (result.only_a, result.only_b) = (only(&of_a, &of_b), only(&of_b, &of_a));
+        (result.only_a, result.only_b) = (only(&ids_a, &ids_b), only(&ids_b, &ids_a));
+        // Trackers that both have, under protocols that one has.
+        type Rows<'a> = BTreeMap<(&'a str, &'a str), Vec<&'a SequenceRow>>;
+        let alone = |these: &Rows<'_>, those: &Rows<'_>, ids: &BTreeSet<String>| -> usize {
+            let lacking = these.iter();
+            let lacking = lacking.filter(|(key, _)| ids.contains(key.0) && !those.contains_key(*key));
+            lacking.map(|(_, rows)| rows.len()).sum()
+        };
+        result.units_only_a += alone(&of_a, &of_b, &ids_b);
+        result.units_only_b += alone(&of_b, &of_a, &ids_a);
     }
     judge(&mut result.changed, options.fdr);
     result.warnings = warnings(&result, options);
@@ -393,6 +413,10 @@ impl<'a> Matched<'a> {
         };
         Some(TrackerChange {
             tracker: id.to_owned(),
+            protocol: self
+                .pairs
+                .first()
+                .map_or(String::new(), |(a, _)| a.protocol.clone()),
             units: self.pairs.len(),
             units_changed,
             sequences: sequences.len(),

@@ -40,16 +40,27 @@ impl Run<'_> {
         let trackers: Vec<&[Unit]> = units.chunk_by(|a, b| a.tracker == b.tracker).collect();
         let parts: Vec<(Vec<(Unit, UnitTime)>, Failed, Results)> = pool.install(|| {
             let load = |units: &&[Unit]| -> Result<_, RunError> {
-                let (mut times, mut failed, mut loaded) = (Vec::new(), Vec::new(), Vec::new());
+                let (mut times, mut failed) = (Vec::new(), Vec::new());
+                let mut loaded: Vec<(&Unit, UnitResult)> = Vec::new();
                 for unit in *units {
                     let (entry, result) = self.load(unit)?;
                     match entry.reason {
                         Some(reason) => failed.push((self.plan.describe(unit), reason)),
                         None => times.push((*unit, entry.time)),
                     }
-                    loaded.push(result);
+                    loaded.push((unit, result));
                 }
-                let results = aggregate_tracker(&loaded.iter().collect::<Vec<_>>());
+                let mut results = Results::default();
+                for (index, protocol) in self.plan.protocol.iter().enumerate() {
+                    let mut own = Vec::new();
+                    for (unit, result) in &mut loaded {
+                        if self.plan.belongs(unit, index) {
+                            result.protocol = protocol.to_string();
+                            own.push(&*result);
+                        }
+                    }
+                    results.extend(aggregate_tracker(&own));
+                }
                 Ok((times, failed, results))
             };
             trackers.par_iter().map(load).collect::<Result<_, _>>()
@@ -88,12 +99,12 @@ impl Run<'_> {
                 vec![f64::INFINITY; truth.dense(start)],
             ),
             (_, Some(_), _) => {
-                let path = log_path(self.dir, self.plan, unit);
+                let path = self.dir.log(self.plan, unit);
                 let bytes = fs::read(&path).map_err(|e| RunError::io(&path, e))?;
                 let log = unpack_log(bytes)
                     .and_then(|text| parse_log(&text))
                     .map_err(|reason| damaged(path, reason))?;
-                (score_log(log.start, &log.corners, |i| truth.at(i)), log.grid)
+                (score_log(log.start, log.outcomes, |i| truth.at(i)), log.grid)
             }
             (_, None, Some(errors)) => {
                 let error = |[al, mcd, cl, jaccard]: [f64; 4]| FrameError { al, mcd, cl, jaccard };
@@ -111,20 +122,13 @@ impl Run<'_> {
             dataset: sequence.dataset.clone(),
             sequence: sequence.sequence.clone(),
             start,
-            protocol: self.plan.protocol.clone(),
+            protocol: self.plan.course(unit).to_string(),
             status,
             errors,
             grid,
         };
         Ok((entry, result))
     }
-}
-
-/// Where the log of a unit is.
-pub(super) fn log_path(dir: &RunDir, plan: &Plan, unit: &Unit) -> PathBuf {
-    let sequence = &plan.sequences[unit.sequence as usize];
-    let tracker = &plan.trackers[unit.tracker as usize];
-    dir.log(&tracker.slug, &sequence.dataset, &sequence.sequence, unit.start)
 }
 
 /// Whether the directory holds the unit's result.
@@ -137,7 +141,7 @@ pub(super) fn is_done(dir: &RunDir, plan: &Plan, unit: &Unit, journal: &Journal,
         return false;
     };
     match &entry.log {
-        Some(log) => fs::read(log_path(dir, plan, unit)).is_ok_and(|bytes| digest(&bytes) == *log),
+        Some(log) => fs::read(dir.log(plan, unit)).is_ok_and(|bytes| digest(&bytes) == *log),
         None => plan.frame_logs == FrameLogs::None && entry.errors.is_some(),
     }
 }
@@ -188,7 +192,7 @@ fn write_timing(dir: &RunDir, plan: &Plan, times: &[(Unit, UnitTime)]) -> Result
         out.write_record(fields)
             .map_err(|e| RunError::io(&path, e.into()))
     };
-    let header = "tracker,dataset,sequence,start,frames,seconds,fps,ms_median,ms_p95,fps_with_input,init_seconds,threads,comparable,cpu";
+    let header = "tracker,dataset,sequence,start,frames,seconds,fps,ms_median,ms_p95,fps_with_input,init_seconds,threads,comparable,cpu,course";
     write(&mut out, &header.split(',').collect::<Vec<_>>())?;
     for (unit, time) in times {
         let sequence = &plan.sequences[unit.sequence as usize];
@@ -213,6 +217,7 @@ fn write_timing(dir: &RunDir, plan: &Plan, times: &[(Unit, UnitTime)]) -> Result
                 &time.threads.to_string(),
                 if time.threads == 1 { "yes" } else { "no" },
                 &cpu,
+                &plan.course_name(unit).unwrap_or_default(),
             ],
         )?;
     }

@@ -13,7 +13,8 @@ use std::io::Read;
 pub struct Row {
     /// Corners in image pixels, rounded by [`round_corners`]; `None` when the tracker gave none or non-finite ones.
     pub corners: Option<Corners>,
-    /// `init`, `converged`, `max_iters`, `ok`, or the word of a [`TrackError`](crate::tracker::TrackError).
+    /// `converged`, `max_iters`, `ok`, the word of a [`TrackError`](crate::tracker::TrackError), or one of [`INIT`],
+    /// [`FAILED`], [`SKIPPED`], [`BROKEN`].
     pub status: &'static str,
     /// Iterations used.
     pub iterations: u32,
@@ -21,6 +22,55 @@ pub struct Row {
     pub similarity: f64,
     /// Error over the dense grid, px; `None` on frames that are not scored by it.
     pub grid: Option<f64>,
+}
+
+/// Status of a frame that the tracker was started on; not evaluated.
+pub const INIT: &str = "init";
+/// Status of a frame in which a tracker failed that is started anew for that; evaluated as a failure, with or without
+/// ground truth.
+pub const FAILED: &str = "failed";
+/// Status of a frame between a failure and the next start; not evaluated.
+pub const SKIPPED: &str = "skipped";
+/// Status of a frame for which there is no tracker that works.
+pub const BROKEN: &str = "broken";
+
+impl Row {
+    /// A frame without a tracker.
+    pub fn without_tracker(status: &'static str) -> Row {
+        Row {
+            corners: None,
+            status,
+            iterations: 0,
+            similarity: f64::NAN,
+            grid: None,
+        }
+    }
+
+    /// How the row counts.
+    pub fn outcome(&self) -> Outcome {
+        Outcome::new(self.status, self.corners)
+    }
+}
+
+/// How a row of a log counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// Not at all: a start, or a frame that was skipped.
+    None,
+    /// As a failure, with or without ground truth.
+    Failure,
+    /// By its corners, where there is ground truth.
+    Output(Option<Corners>),
+}
+
+impl Outcome {
+    fn new(status: &str, corners: Option<Corners>) -> Outcome {
+        match status {
+            INIT | SKIPPED => Outcome::None,
+            FAILED => Outcome::Failure,
+            _ => Outcome::Output(corners),
+        }
+    }
 }
 
 /// Corners rounded to 1e-6 px, which six decimals hold exactly: a log scores the same as the run that wrote it.
@@ -32,8 +82,7 @@ pub fn round_corners(corners: &Corners) -> Option<Corners> {
 
 /// A frame log as CSV: `rows[k]` is frame `start + k` of the sequence, `name(i)` its file, `truth(i)` its ground truth.
 ///
-/// Errors stand in a row only where they count: not on the first (initialisation), not without ground truth. A last
-/// column `grid` is there for sequences with dense truth only.
+/// Errors stand in every row that has corners and ground truth, but not where the tracker was started. A last column `grid` is there for sequences with dense truth only.
 pub fn format_log<'a>(
     rows: &[Row],
     start: usize,
@@ -55,7 +104,7 @@ pub fn format_log<'a>(
             None => out.push_str(",,,,,,,,"),
         }
         match (row.corners, truth(frame)) {
-            (Some(corners), Some(truth)) if k > 0 => {
+            (Some(corners), Some(truth)) if row.status != INIT => {
                 let e = frame_error(&corners, &truth);
                 let _ = write!(out, ",{:.6},{:.6},{:.6},{:.6}", e.al, e.mcd, e.cl, e.jaccard);
             }
@@ -112,8 +161,8 @@ pub fn unpack_log(bytes: Vec<u8>) -> Result<Vec<u8>, String> {
 pub struct FrameLog {
     /// Frame of the first row.
     pub start: usize,
-    /// Corners per frame.
-    pub corners: Vec<Option<Corners>>,
+    /// What each frame counts as.
+    pub outcomes: Vec<Outcome>,
     /// Error over the dense grid of each frame that has such truth, px.
     pub grid: Vec<f64>,
 }
@@ -130,7 +179,7 @@ pub fn parse_log(bytes: &[u8]) -> Result<FrameLog, String> {
     }
     let dense = headers.iter().position(|h| h == b"grid");
     let mut record = csv::StringRecord::new();
-    let (mut start, mut corners, mut grid) = (None, Vec::new(), Vec::new());
+    let (mut start, mut outcomes, mut grid) = (None, Vec::new(), Vec::new());
     let number = |field: &str| field.parse().map_err(|_| format!("bad number {field:?}"));
     while reader.read_record(&mut record).map_err(|e| e.to_string())? {
         if start.is_none() {
@@ -148,27 +197,35 @@ pub fn parse_log(bytes: &[u8]) -> Result<FrameLog, String> {
                 field => *value = number(field)?,
             }
         }
-        corners.push(present.then(|| Corners::from_array(values)));
+        let corners = present.then(|| Corners::from_array(values));
+        outcomes.push(Outcome::new(&record[2], corners));
         if let Some(error) = dense.map(|at| &record[at]).filter(|f| !f.is_empty()) {
             grid.push(number(error)?);
         }
     }
     let start = start.ok_or("no rows")?;
-    Ok(FrameLog { start, corners, grid })
+    Ok(FrameLog {
+        start,
+        outcomes,
+        grid,
+    })
 }
 
-/// Errors of the scored frames of a log: those after the first with ground truth.
+/// Errors of the evaluated frames of a log, of which the first is frame `start`: those with ground truth that the tracker
+/// was not started on, and all failures. `None`: no output, or a failure.
 pub fn score_log(
     start: usize,
-    corners: &[Option<Corners>],
+    outcomes: impl IntoIterator<Item = Outcome>,
     truth: impl Fn(usize) -> Option<Corners>,
 ) -> Vec<Option<FrameError>> {
-    corners
-        .iter()
-        .enumerate()
-        .skip(1)
-        .filter_map(|(k, corners)| truth(start + k).map(|truth| corners.map(|c| frame_error(&c, &truth))))
-        .collect()
+    let score = |(frame, outcome)| match outcome {
+        Outcome::None => None,
+        Outcome::Failure => Some(None),
+        Outcome::Output(corners) => {
+            truth(frame).map(|truth: Corners| corners.map(|c| frame_error(&c, &truth)))
+        }
+    };
+    (start..).zip(outcomes).filter_map(score).collect()
 }
 
 #[cfg(test)]
@@ -196,30 +253,43 @@ mod tests {
             let log = parse_log(&text).unwrap();
             prop_assert_eq!(log.start, start);
             prop_assert_eq!(log.grid, rows.iter().filter_map(|r| r.grid).collect::<Vec<_>>());
-            for (row, read) in rows.iter().zip(&log.corners) {
-                prop_assert_eq!(row.corners.unwrap().to_array().map(f64::to_bits), read.unwrap().to_array().map(f64::to_bits));
+            for (row, read) in rows.iter().zip(&log.outcomes) {
+                let Outcome::Output(Some(read)) = read else { panic!("{read:?}") };
+                prop_assert_eq!(row.corners.unwrap().to_array().map(f64::to_bits), read.to_array().map(f64::to_bits));
             }
         }
     }
 
     #[test]
     fn rows_without_corners_stay_empty_and_count_as_scored() {
-        let row = |corners| Row {
+        let row = |status, corners| Row {
             corners,
-            status: "not_finite",
-            iterations: 0,
-            similarity: f64::NAN,
-            grid: None,
+            ..Row::without_tracker(status)
         };
         let here = Corners::rect(1.0, 2.0, 30.0, 40.0);
-        let rows = [row(Some(here)), row(None), row(Some(here)), row(None)];
-        let truth = |i: usize| (i != 3).then_some(here);
-        let log = format_log(&rows, 0, |i| i.to_string(), truth);
-        let log = parse_log(&log).unwrap();
-        let errors = score_log(log.start, &log.corners, truth);
-        assert_eq!(errors.len(), 2);
-        assert!(errors[0].is_none());
-        assert_eq!(errors[1].unwrap().al, 0.0);
+        let rows = [
+            row(INIT, Some(here)),
+            row("not_finite", None),
+            row("ok", Some(here)),
+            row("ok", None),
+            row(FAILED, Some(here)),
+            row(SKIPPED, None),
+            row(INIT, Some(here)),
+            row(BROKEN, None),
+            row(FAILED, None),
+        ];
+        let truth = |i: usize| (i != 3 && i != 8).then_some(here);
+        let text = format_log(&rows, 0, |i| i.to_string(), truth);
+        let log = parse_log(&text).unwrap();
+        let errors = score_log(log.start, log.outcomes, truth);
+        assert_eq!(errors, score_log(0, rows.iter().map(Row::outcome), truth));
+        let al: Vec<Option<f64>> = errors.iter().map(|e| e.map(|e| e.al)).collect();
+        assert_eq!(al, [None, Some(0.0), None, None, None]);
+        // The error that made a frame a failure is there to be seen.
+        let text = String::from_utf8(text).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(lines[5].contains(",0.000000,0.000000,"), "{}", lines[5]);
+        assert!(lines[7].ends_with(",,,,,0,"), "{}", lines[7]);
         assert!(round_corners(&Corners::rect(f64::NAN, 0.0, 1.0, 1.0)).is_none());
     }
 
@@ -229,11 +299,8 @@ mod tests {
         assert!(parse_log(b"a,b,c\n1,2,3\n").is_err());
         let good = format_log(
             &[Row {
-                corners: None,
-                status: "ok",
-                iterations: 0,
                 similarity: 0.0,
-                grid: None,
+                ..Row::without_tracker("ok")
             }],
             0,
             |_| "f".into(),

@@ -3,6 +3,7 @@
 //! Results are reproducible to the byte, so tolerances only say which changes are too small to matter.
 
 use super::baseline::{Baseline, Figure, Key, Line};
+use super::protocol::Protocol;
 pub use super::tolerances::Tolerances;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -106,7 +107,10 @@ impl Baseline {
             if line.failed && !base.failed {
                 result.failed.push(base.key.clone());
             }
-            let same_frames = line.frames == base.frames;
+            // Where failures end a stretch, how many frames there are is a result.
+            let restarted = base.key.protocol.parse();
+            let restarted = restarted.is_ok_and(|p: Protocol| p.restarts_on_failure());
+            let same_frames = line.frames == base.frames || (restarted && !base.key.is_pooled());
             if !same_frames && !line.failed && !base.failed && !base.key.is_pooled() {
                 other_frames.insert(format!(
                     "{}: {} frames in the baseline, {} in the run",
@@ -279,6 +283,26 @@ mod tests {
         assert_eq!(compare(&then, &elsewhere).verdict(), Verdict::NotComparable);
         assert_eq!(compare(&[], &then).verdict(), Verdict::NotComparable);
         assert_eq!(compare(&then, &[]).verdict(), Verdict::NotComparable);
+    }
+
+    #[test]
+    fn frames_that_failures_cost_are_a_result() {
+        let reinit = |shifts: &[Option<f64>]| {
+            let mut units = one(shifts);
+            units[0].protocol = "reinit:20:5".to_owned();
+            units
+        };
+        let (then, now) = (reinit(&[Some(1.0); 9]), reinit(&[Some(1.0), None, Some(1.0)]));
+        let c = compare(&then, &now);
+        assert_eq!((c.verdict(), c.drops.len()), (Verdict::Dropped, 2));
+        assert!(c.not_comparable.is_empty() && c.unjudged.iter().all(|u| u.key.is_pooled()));
+        assert_eq!(compare(&now, &then).verdict(), Verdict::Passed);
+        // Nothing but failures: no median error, in memory and read back.
+        let lost = baseline(&reinit(&[None]));
+        let read: Baseline = serde_json::from_str(&lost.to_json()).unwrap();
+        let c = read.compare(&lost, &Tolerances::default());
+        assert_eq!((c.verdict(), c.unchanged), (Verdict::Passed, 6));
+        assert_eq!(compare(&then, &reinit(&[None])).drops.len(), 3);
     }
 
     #[test]

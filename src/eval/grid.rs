@@ -5,7 +5,7 @@
 //! ```toml
 //! data = ["builtin", "sequences/TMT"]        # relative to the file
 //! tag = ["quick"]
-//! protocol = "subseq:10"
+//! protocol = ["ope", "subseq:10"]            # every tracker under each
 //! sm = ["lk", "nn"]
 //! am = "all"
 //! ssm = ["translation", "homography"]
@@ -66,12 +66,11 @@ pub struct Grid {
 }
 
 /// Keys that take a list.
-const LISTS: [&str; 10] = [
-    "data", "seq", "tag", "sm", "am", "ssm", "ilm", "tracker", "include", "exclude",
+const LISTS: [&str; 11] = [
+    "data", "protocol", "seq", "tag", "sm", "am", "ssm", "ilm", "tracker", "include", "exclude",
 ];
 /// Keys that take one value.
-const SINGLE: [&str; 9] = [
-    "protocol",
+const SINGLE: [&str; 8] = [
     "seed",
     "max_frames",
     "frame_gap",
@@ -368,10 +367,10 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(said.contains("more than 10000"), "{said}");
-        let said = parse("\nprotocol = 'x'")
+        let said = parse("\npre = 'x'")
             .unwrap()
-            .value("protocol", |_| Err::<(), _>("no".into()));
-        assert_eq!(said.unwrap_err().to_string(), "plans/a.toml:2: protocol: no");
+            .value("pre", |_| Err::<(), _>("no".into()));
+        assert_eq!(said.unwrap_err().to_string(), "plans/a.toml:2: pre: no");
     }
 
     #[test]

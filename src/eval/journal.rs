@@ -34,7 +34,7 @@ pub enum EntryStatus {
 /// Time a unit took. Never part of what must be reproducible.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct UnitTime {
-    /// Time to start on the first frame, s.
+    /// Time to start on the first frame, and to start anew, s.
     #[serde(default)]
     pub init_seconds: f64,
     /// Sum of the times of all updates, s.
@@ -66,6 +66,9 @@ pub struct Entry {
     pub sequence: String,
     /// Frame the tracker was started on.
     pub start: u32,
+    /// What happened to it after its start, where that is not one pass to the end: `reinit:20:5`, ...
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub course: Option<String>,
     /// Whether there is a result.
     pub status: EntryStatus,
     /// Why there is none.
@@ -348,6 +351,7 @@ mod tests {
             dataset: "d".into(),
             sequence: "s".into(),
             start: 0,
+            course: None,
             status,
             reason: (status == EntryStatus::Failed).then(|| "because".into()),
             frames: 3,

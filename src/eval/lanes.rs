@@ -7,20 +7,19 @@
 //! fill the threads and one more to fill in where a group waits for its slowest; lanes are plain threads that hand
 //! windows to one pool, so nesting stays bounded.
 
-use super::error::grid_error;
-use super::framelog::{Row, format_log, pack_log, round_corners, score_log};
+use super::framelog::{Row, format_log, pack_log, score_log};
 use super::journal::{Entry, EntryStatus, Finished, UnitTime};
 use super::panics;
+use super::pass::{Pass, Ready};
 use super::plan::{FrameLogs, Keys, Unit};
 use super::profile::{Activity, Spent};
 use super::request::{Prepared, RunRequest};
 use super::rundir::{RunDir, RunError, digest};
 use super::runner::Observer;
 use crate::dataset::Sequence;
-use crate::geom::{Corners, homography};
 use crate::image::Frame;
 use crate::output::{Durable, write_atomic};
-use crate::tracker::{Stop, Tracker};
+use crate::tracker::Tracker;
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -124,24 +123,6 @@ pub(super) fn run_units(context: &Context<'_>, journal: SyncSender<Finished>, mu
     });
 }
 
-/// A unit on its way.
-struct Active<'a> {
-    unit: &'a Unit,
-    tracker: Option<Box<dyn Tracker>>,
-    rows: Vec<Row>,
-    init_seconds: f64,
-    seconds: Vec<f32>,
-    input_seconds: f64,
-    failed: Option<String>,
-}
-
-/// A frame with its index and the time it took to read, decode and filter, s.
-struct Ready {
-    index: usize,
-    frame: Frame,
-    seconds: f64,
-}
-
 fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[Unit]) {
     let Some(first) = units.first() else { return };
     let sequence = context.sequence(first);
@@ -152,14 +133,13 @@ fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[
         let mut group = Vec::new();
         let mut bytes = 0;
         while let Some(&unit) = waiting.front() {
-            let mut active = prepare(context, unit, unreadable.as_deref());
-            bytes += memory(sequence, &active);
+            let pass = prepare(context, unit, unreadable.as_deref());
+            bytes += memory(sequence, &pass);
             // The first tracker over the budget is made again for the next group.
             if bytes > budget && !group.is_empty() {
-                active.tracker = None;
                 break;
             }
-            group.push(active);
+            group.push(pass);
             waiting.pop_front();
         }
         let read = run_group(context, sequence, budget, &mut group, &mut waiting);
@@ -170,8 +150,8 @@ fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[
             unreadable.get_or_insert(reason);
         }
         context.pool.install(|| {
-            group.into_par_iter().with_max_len(1).for_each(|active| {
-                let write = || finish(context, journal, sequence, active);
+            group.into_par_iter().with_max_len(1).for_each(|pass| {
+                let write = || finish(context, journal, sequence, pass);
                 context.spent.on(Activity::Writing, write);
             });
         });
@@ -179,37 +159,27 @@ fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[
 }
 
 /// Bytes that a unit takes.
-fn memory(sequence: &Sequence, active: &Active<'_>) -> u64 {
-    let rows = ROW_BYTES * (sequence.len() as u64 - u64::from(active.unit.start));
-    rows + active.tracker.as_ref().map_or(0, |t| t.memory() as u64)
+fn memory(sequence: &Sequence, pass: &Pass<'_>) -> u64 {
+    let rows = ROW_BYTES * (sequence.len() as u64 - u64::from(pass.unit.start));
+    rows + pass.tracker.as_ref().map_or(0, |t| t.memory() as u64)
 }
 
 /// Makes the unit's tracker.
-fn prepare<'a>(context: &Context<'_>, unit: &'a Unit, unreadable: Option<&str>) -> Active<'a> {
+fn prepare<'a>(context: &Context<'_>, unit: &'a Unit, unreadable: Option<&str>) -> Pass<'a> {
     let made = match unreadable {
         Some(reason) => Err(reason.to_string()),
-        None => {
-            let make = &context.prepared.trackers[unit.tracker as usize].make;
-            panics::catch(|| make()).and_then(|made| made)
-        }
+        None => make(context, unit, unit.start),
     };
-    let (tracker, failed) = match made {
-        Ok(mut tracker) => {
-            tracker.reseed(context.prepared.plan.unit_seed(unit));
-            tracker.set_threads(context.request.threads_per_tracker);
-            (Some(tracker), None)
-        }
-        Err(reason) => (None, Some(reason)),
-    };
-    Active {
-        unit,
-        tracker,
-        rows: Vec::new(),
-        init_seconds: 0.0,
-        seconds: Vec::new(),
-        input_seconds: 0.0,
-        failed,
-    }
+    Pass::new(unit, context.prepared.plan.course(unit), made)
+}
+
+/// Makes a tracker for the unit that is to start on `frame`. It does not depend on what the unit did before that.
+fn make(context: &Context<'_>, unit: &Unit, frame: u32) -> Result<Box<dyn Tracker>, String> {
+    let make = &context.prepared.trackers[unit.tracker as usize].make;
+    let mut tracker = panics::catch(|| make()).and_then(|made| made)?;
+    tracker.reseed(context.prepared.plan.seed_at(unit, frame));
+    tracker.set_threads(context.request.threads_per_tracker);
+    Ok(tracker)
 }
 
 /// Runs a group over its sequence; units whose trackers turn out not to fit the budget go back to those `waiting`. An
@@ -218,13 +188,13 @@ fn run_group<'a>(
     context: &Context<'_>,
     sequence: &Sequence,
     budget: u64,
-    group: &mut Vec<Active<'a>>,
+    group: &mut Vec<Pass<'a>>,
     waiting: &mut VecDeque<&'a Unit>,
 ) -> Result<(), String> {
     let Some(first) = group
         .iter()
-        .filter(|a| a.tracker.is_some())
-        .map(|a| a.unit.start as usize)
+        .filter(|pass| !pass.is_over())
+        .map(|pass| pass.unit.start as usize)
         .min()
     else {
         return Ok(());
@@ -232,7 +202,7 @@ fn run_group<'a>(
     let channels = |n| {
         group
             .iter()
-            .filter_map(|a| a.tracker.as_ref())
+            .filter_map(|pass| pass.tracker.as_ref())
             .any(|t| t.channels() == n)
     };
     let (gray, colour) = (channels(1), channels(3));
@@ -262,16 +232,16 @@ fn run_group<'a>(
         let end = group.len().min(started + 2 * context.pool.current_num_threads());
         let few = &mut group[started..end];
         context.pool.install(|| {
-            few.par_iter_mut().with_max_len(1).for_each(|active| {
-                let track = || track_window(context, sequence, active, &window);
+            few.par_iter_mut().with_max_len(1).for_each(|pass| {
+                let track = || track_window(context, sequence, pass, &window);
                 context.spent.on(Activity::Tracking, track);
             })
         });
-        used += few.iter().map(|active| memory(sequence, active)).sum::<u64>();
+        used += few.iter().map(|pass| memory(sequence, pass)).sum::<u64>();
         started = end;
     }
-    for active in group.drain(started..).rev() {
-        waiting.push_front(active.unit);
+    for pass in group.drain(started..).rev() {
+        waiting.push_front(pass.unit);
     }
     let upcoming = |from: usize| from..sequence.len().min(from + ahead);
     let mut next = context.pool.install(|| read(upcoming(first + 1)));
@@ -283,7 +253,7 @@ fn run_group<'a>(
                 return Err(reason);
             }
         };
-        let idle = group.iter().all(|a| a.tracker.is_none());
+        let idle = group.iter().all(Pass::is_over);
         let Some(last) = window.last().filter(|_| !idle && !context.halted()) else {
             return Ok(());
         };
@@ -291,8 +261,8 @@ fn run_group<'a>(
         ((), next) = context.pool.install(|| {
             rayon::join(
                 || {
-                    group.par_iter_mut().with_max_len(1).for_each(|active| {
-                        let track = || track_window(context, sequence, active, &window);
+                    group.par_iter_mut().with_max_len(1).for_each(|pass| {
+                        let track = || track_window(context, sequence, pass, &window);
                         context.spent.on(Activity::Tracking, track);
                     })
                 },
@@ -302,10 +272,9 @@ fn run_group<'a>(
     }
 }
 
-fn fail_all(group: &mut [Active<'_>], reason: &str) {
-    for active in group.iter_mut().filter(|a| a.tracker.is_some()) {
-        active.tracker = None;
-        active.failed = Some(reason.to_string());
+fn fail_all(group: &mut [Pass<'_>], reason: &str) {
+    for pass in group.iter_mut().filter(|pass| !pass.is_over()) {
+        pass.fail(reason.to_string());
     }
 }
 
@@ -346,135 +315,32 @@ fn decode(
 }
 
 /// One tracker through one window, in order.
-fn track_window(context: &Context<'_>, sequence: &Sequence, active: &mut Active<'_>, window: &[Ready]) {
-    let start = active.unit.start as usize;
+fn track_window(context: &Context<'_>, sequence: &Sequence, pass: &mut Pass<'_>, window: &[Ready]) {
+    let start = pass.unit.start as usize;
+    let unit = pass.unit;
+    let make_at = |frame: u32| make(context, unit, frame);
     let mut done = 0;
     for ready in window.iter().filter(|ready| ready.index >= start) {
-        let Some(mut tracker) = active.tracker.take() else {
+        if pass.is_over() {
             break;
-        };
+        }
         if context.halted() {
             return;
         }
-        let mut seconds = 0.0;
-        let step = panics::catch(|| {
-            let begin = Instant::now();
-            if ready.index == start {
-                let row = initialise(tracker.as_mut(), sequence, ready);
-                active.init_seconds = begin.elapsed().as_secs_f64();
-                return row;
-            }
-            if tracker.needs_truth()
-                && let Some(truth) = sequence.truth(ready.index)
-            {
-                tracker.tell_truth(&truth);
-            }
-            let begin = Instant::now();
-            let mut row = step(tracker.as_mut(), &ready.frame);
-            seconds = begin.elapsed().as_secs_f64();
-            row.grid = dense_error(tracker.as_ref(), sequence, start, ready.index, row.corners);
-            Ok(row)
-        });
-        match step {
-            Ok(Ok(row)) => active.rows.push(row),
-            Ok(Err(reason)) => active.failed = Some(reason),
-            Err(panic) => active.failed = Some(format!("panic in frame {}: {panic}", ready.index)),
-        }
-        if active.failed.is_some() {
-            // Dropping what has panicked may panic again.
-            let _ = panics::catch(|| drop(tracker));
-            break;
-        }
-        if ready.index > start {
-            active.seconds.push(seconds as f32);
-            active.input_seconds += ready.seconds;
-        }
-        done += 1;
-        active.tracker = Some(tracker);
+        done += pass.advance(ready, sequence, &make_at);
         if let Some(limit) = context.request.timeout {
-            let total: f64 = active.seconds.iter().map(|&s| f64::from(s)).sum();
-            if total > limit.as_secs_f64() {
-                active.tracker = None;
-                active.failed = Some(format!("longer than {} s", limit.as_secs_f64()));
+            let total: f64 = pass.seconds.iter().map(|&s| f64::from(s)).sum();
+            if total > limit.as_secs_f64() && pass.failed.is_none() {
+                pass.fail(format!("longer than {} s", limit.as_secs_f64()));
             }
         }
     }
-    context.observer.frames(done);
-}
-
-fn initialise(tracker: &mut dyn Tracker, sequence: &Sequence, ready: &Ready) -> Result<Row, String> {
-    let truth = sequence
-        .truth(ready.index)
-        .ok_or_else(|| format!("no ground truth in frame {} to start from", ready.index))?;
-    if tracker.needs_truth()
-        && let Some(i) = (ready.index..sequence.len()).find(|&i| sequence.truth(i).is_none())
-    {
-        return Err(format!(
-            "the tracker is for analysis and needs ground truth in every frame; {} has none",
-            sequence.frame_name(i)
-        ));
-    }
-    tracker
-        .init(&ready.frame, &truth)
-        .map_err(|e| format!("cannot start on {}: {e}", sequence.frame_name(ready.index)))?;
-    Ok(Row {
-        corners: round_corners(&tracker.corners()),
-        status: "init",
-        iterations: 0,
-        similarity: f64::NAN,
-        grid: None,
-    })
-}
-
-/// Error over the dense grid in frame `index`, where both it and the start frame have one. A tracker that does not say
-/// where its points are moves them as a plane.
-fn dense_error(
-    tracker: &dyn Tracker,
-    sequence: &Sequence,
-    start: usize,
-    index: usize,
-    corners: Option<Corners>,
-) -> Option<f64> {
-    let (first, truth) = (sequence.grid(start)?, sequence.grid(index)?);
-    let plane = || homography::from_corners(&sequence.truth(start)?, &corners?);
-    Some(plane().map_or(f64::INFINITY, |plane| {
-        let place = |&x: &[f64; 2]| tracker.place(x).unwrap_or_else(|| homography::apply(&plane, x));
-        grid_error(first.iter().map(place), truth)
-    }))
-}
-
-fn step(tracker: &mut dyn Tracker, frame: &Frame) -> Row {
-    match tracker.update(frame) {
-        Ok(update) => {
-            let corners = round_corners(&update.corners);
-            let status = match (corners, update.stop) {
-                (None, _) => "not_finite",
-                (_, Stop::Converged) => "converged",
-                (_, Stop::MaxIterations) => "max_iters",
-                (_, Stop::Done) => "ok",
-            };
-            Row {
-                corners,
-                status,
-                iterations: update.iterations,
-                similarity: update.similarity,
-                grid: None,
-            }
-        }
-        // The tracker stands where it last was: that is its answer, and it goes on from there.
-        Err(error) => Row {
-            corners: round_corners(&tracker.corners()),
-            status: error.word(),
-            iterations: 0,
-            similarity: f64::NAN,
-            grid: None,
-        },
-    }
+    context.observer.frames(done as u64);
 }
 
 /// Writes the unit's log and sends its line to the journal.
-fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequence, active: Active<'_>) {
-    let Active {
+fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequence, pass: Pass<'_>) {
+    let Pass {
         unit,
         rows,
         init_seconds,
@@ -482,20 +348,19 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
         input_seconds,
         failed,
         ..
-    } = active;
-    let tracker = context.prepared.trackers[unit.tracker as usize];
-    let path = context
-        .dir
-        .log(&tracker.slug, sequence.dataset(), sequence.name(), unit.start);
+    } = pass;
+    let plan = &context.prepared.plan;
+    let path = context.dir.log(plan, unit);
     let start = unit.start as usize;
     let truth = |i: usize| sequence.truth(i);
     let ok = failed.is_none();
     let mut entry = Entry {
         key: context.keys.of(unit),
-        tracker: tracker.name.id.clone(),
+        tracker: plan.trackers[unit.tracker as usize].id.clone(),
         dataset: sequence.dataset().to_string(),
         sequence: sequence.name().to_string(),
         start: unit.start,
+        course: plan.course_name(unit),
         status: if ok { EntryStatus::Ok } else { EntryStatus::Failed },
         reason: failed,
         frames: rows.len(),
@@ -520,13 +385,8 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
         written = Some(path);
     } else {
         if ok {
-            let corners: Vec<Option<Corners>> = rows.iter().map(|row| row.corners).collect();
-            entry.errors = Some(
-                score_log(start, &corners, truth)
-                    .into_iter()
-                    .map(|e| e.map(|e| e.values()))
-                    .collect(),
-            );
+            let errors = score_log(start, rows.iter().map(Row::outcome), truth);
+            entry.errors = Some(errors.into_iter().map(|e| e.map(|e| e.values())).collect());
             let finite = |e: f64| e.is_finite().then_some(e);
             entry.grid = rows.iter().filter_map(|row| row.grid.map(finite)).collect();
         }

@@ -3,7 +3,7 @@
 //! Every directory records the whole plan. They must agree about it; each unit of the plan must have ended in one of
 //! them, with a frame log that is what the journal says, and must not have ended differently in another.
 
-use super::finish::{self, Run, is_done, log_path};
+use super::finish::{self, Run, is_done};
 use super::journal::{Entry, EntryStatus, Journal, JournalWriter};
 use super::lock::Holder;
 use super::plan::{Keys, Plan, Unit};
@@ -160,7 +160,7 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
                 .get(&keys.of(unit))?
                 .is_some_and(|entry| entry.log.is_some())
             {
-                link(&log_path(&part.dir, &plan, unit), &log_path(&dir, &plan, unit))?;
+                link(&part.dir.log(&plan, unit), &dir.log(&plan, unit))?;
             }
             Ok(())
         };

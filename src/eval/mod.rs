@@ -18,6 +18,7 @@ pub mod lock;
 pub mod machine;
 pub mod merge;
 pub mod panics;
+mod pass;
 pub mod plan;
 pub mod profile;
 pub mod protocol;
@@ -32,7 +33,7 @@ pub mod tolerances;
 mod truth;
 
 pub use plan::{FrameLogs, Plan, Unit};
-pub use protocol::Protocol;
+pub use protocol::{Protocol, Protocols};
 pub use request::{RunRequest, TrackerEntry};
 pub use rundir::RunError;
 pub use runner::{Observer, RunReport, Silent, run};

@@ -1,8 +1,9 @@
-//! What a run consists of: trackers x sequences x start frames, the identity of each unit and its random seed.
+//! What a run consists of: trackers x courses x sequences x start frames, the identity of each unit and its random seed.
 //!
 //! A [`Plan`] is what `run.json` records: enough to know every unit of the run and its key without trackers or data.
 
 use super::aggregate::TrackerName;
+use super::protocol::{Protocol, Protocols};
 use super::rundir::hex;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Map, Value, json};
@@ -73,11 +74,13 @@ impl<'de> Deserialize<'de> for Key {
     }
 }
 
-/// One tracker on one sequence from one start frame.
+/// One tracker on one sequence from one start frame. Protocols of the same [course](Protocol::course) share units.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Unit {
     /// Index into the plan's trackers.
     pub tracker: u32,
+    /// Index into the plan's protocols: the first with the unit's course.
+    pub course: u32,
     /// Index into the plan's sequences.
     pub sequence: u32,
     /// Frame on which the tracker is initialised.
@@ -125,8 +128,8 @@ pub struct PlannedSequence {
     pub sequence: String,
     /// Number of frames.
     pub frames: usize,
-    /// Frames on which trackers start, ascending.
-    pub starts: Vec<u32>,
+    /// Frames on which trackers start, ascending, for each protocol.
+    pub starts: Vec<Vec<u32>>,
     /// Hash of ground truth, names and sizes of the frames.
     pub fingerprint: String,
 }
@@ -135,14 +138,6 @@ impl PlannedSequence {
     /// `dataset/sequence`.
     pub fn id(&self) -> String {
         format!("{}/{}", self.dataset, self.sequence)
-    }
-
-    /// Frames that one tracker goes through, all starts together.
-    pub fn cost(&self) -> u64 {
-        self.starts
-            .iter()
-            .map(|&s| self.frames as u64 - u64::from(s))
-            .sum()
     }
 }
 
@@ -155,8 +150,8 @@ pub struct Plan {
     pub tool: String,
     /// Its version.
     pub version: String,
-    /// Protocol, as [`Protocol`](super::Protocol) prints it.
-    pub protocol: String,
+    /// Protocols.
+    pub protocol: Protocols,
     /// Seed of the run.
     pub seed: u64,
     /// Filter applied to each frame.
@@ -173,9 +168,30 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// The units of one tracker (the first), in the order of [`units`](Self::units).
+    pub fn passes(&self) -> Vec<Unit> {
+        let mut passes = Vec::new();
+        for course in 0..self.protocol.len() {
+            for (sequence, planned) in (0u32..).zip(&self.sequences) {
+                let same = planned.starts.iter().enumerate();
+                let same = same.filter(|(k, _)| self.protocol.course(*k) == course);
+                let mut starts: Vec<u32> = same.flat_map(|(_, starts)| starts).copied().collect();
+                starts.sort_unstable();
+                starts.dedup();
+                passes.extend(starts.into_iter().map(|start| Unit {
+                    tracker: 0,
+                    course: course as u32,
+                    sequence,
+                    start,
+                }));
+            }
+        }
+        passes
+    }
+
     /// Number of units.
     pub fn len(&self) -> usize {
-        self.trackers.len() * self.sequences.iter().map(|s| s.starts.len()).sum::<usize>()
+        self.trackers.len() * self.passes().len()
     }
 
     /// No units.
@@ -185,33 +201,53 @@ impl Plan {
 
     /// Frames that all units go through together.
     pub fn frames(&self) -> u64 {
-        self.trackers.len() as u64 * self.sequences.iter().map(PlannedSequence::cost).sum::<u64>()
+        let frames = self
+            .passes()
+            .iter()
+            .map(|unit| self.unit_frames(unit))
+            .sum::<u64>();
+        self.trackers.len() as u64 * frames
     }
 
-    /// The units in the order of the result files: by tracker id, data set, sequence, start.
-    pub fn units(&self) -> impl Iterator<Item = Unit> + '_ {
+    /// The units: by tracker id, course, data set, sequence, start.
+    pub fn units(&self) -> impl Iterator<Item = Unit> + use<> {
+        let passes = std::rc::Rc::new(self.passes());
         (0..self.trackers.len() as u32).flat_map(move |tracker| {
-            (0u32..)
-                .zip(&self.sequences)
-                .flat_map(move |(sequence, planned)| {
-                    planned.starts.iter().map(move |&start| Unit {
-                        tracker,
-                        sequence,
-                        start,
-                    })
-                })
+            let passes = std::rc::Rc::clone(&passes);
+            (0..passes.len()).map(move |k| Unit { tracker, ..passes[k] })
         })
     }
 
-    /// `tracker on dataset/sequence`, with the start frame unless it is the first.
+    /// Whether the unit belongs to protocol number `index`.
+    pub fn belongs(&self, unit: &Unit, index: usize) -> bool {
+        let starts = &self.sequences[unit.sequence as usize].starts[index];
+        self.protocol.course(index) == unit.course as usize && starts.binary_search(&unit.start).is_ok()
+    }
+
+    /// What happens to the unit's tracker after its start.
+    pub fn course(&self, unit: &Unit) -> Protocol {
+        self.protocol[unit.course as usize].course()
+    }
+
+    /// Name of the unit's course, where it is not one pass to the end.
+    pub fn course_name(&self, unit: &Unit) -> Option<String> {
+        let course = self.course(unit);
+        (course != Protocol::Ope).then(|| course.to_string())
+    }
+
+    /// `tracker on dataset/sequence`, with the start frame unless it is the first and the course unless it is one pass.
     pub fn describe(&self, unit: &Unit) -> String {
         let start = match unit.start {
             0 => String::new(),
             start => format!("@{start}"),
         };
+        let course = match self.course_name(unit) {
+            None => String::new(),
+            Some(name) => format!(" ({name})"),
+        };
         let sequence = &self.sequences[unit.sequence as usize];
         format!(
-            "{} on {}{start}",
+            "{} on {}{start}{course}",
             self.trackers[unit.tracker as usize].id,
             sequence.id()
         )
@@ -228,7 +264,7 @@ impl Plan {
             [
                 ("schema version", p.schema_version.to_string()),
                 ("version", p.version.clone()),
-                ("protocol", p.protocol.clone()),
+                ("protocol", p.protocol.to_string()),
                 ("seed", p.seed.to_string()),
                 ("filter", p.pre.clone()),
                 ("frame logs", p.frame_logs.extension().to_owned()),
@@ -273,6 +309,7 @@ pub struct Keys {
     run: [u8; 32],
     trackers: Vec<[u8; 32]>,
     sequences: Vec<[u8; 32]>,
+    courses: Vec<String>,
 }
 
 impl Keys {
@@ -280,7 +317,11 @@ impl Keys {
     pub fn new(plan: &Plan) -> Keys {
         let hash = |value: Value| -> [u8; 32] { Sha256::digest(value.to_string()).into() };
         let tracker = |t: &PlannedTracker| hash(json!({"id": t.id, "parameters": t.parameters}));
-        // Every protocol of this version goes from a start to the end in one pass, so they share units.
+        // One pass to the end has no name of its own: its units are as old as the program.
+        let course = |p: &Protocol| match p.course() {
+            Protocol::Ope => String::new(),
+            other => other.to_string(),
+        };
         let sequence = |s: &PlannedSequence| {
             hash(json!({
                 "dataset": s.dataset,
@@ -298,6 +339,7 @@ impl Keys {
             })),
             trackers: plan.trackers.iter().map(tracker).collect(),
             sequences: plan.sequences.iter().map(sequence).collect(),
+            courses: plan.protocol.iter().map(course).collect(),
         }
     }
 
@@ -308,14 +350,16 @@ impl Keys {
         hash.update(self.trackers[unit.tracker as usize]);
         hash.update(self.sequences[unit.sequence as usize]);
         hash.update(unit.start.to_le_bytes());
+        hash.update(&self.courses[unit.course as usize]);
         let bytes = hash.finalize();
         Key(std::array::from_fn(|i| bytes[i]))
     }
 }
 
 impl Plan {
-    /// Seed of a unit's tracker: depends on what is run, never on when, where or beside what.
-    pub fn unit_seed(&self, unit: &Unit) -> u64 {
+    /// Seed of a unit's tracker when it starts on frame `start`: depends on what is run, never on when, where, beside what,
+    /// or on what the tracker did before.
+    pub fn seed_at(&self, unit: &Unit, start: u32) -> u64 {
         let sequence = &self.sequences[unit.sequence as usize];
         let mut hash = Sha256::new();
         hash.update(self.seed.to_le_bytes());
@@ -327,7 +371,7 @@ impl Plan {
             hash.update((text.len() as u64).to_le_bytes());
             hash.update(text.as_bytes());
         }
-        hash.update(u64::from(unit.start).to_le_bytes());
+        hash.update(u64::from(start).to_le_bytes());
         let bytes = hash.finalize();
         u64::from_le_bytes(std::array::from_fn(|i| bytes[i]))
     }

@@ -2,7 +2,7 @@
 
 use super::aggregate::TrackerName;
 use super::plan::{FrameLogs, Plan, PlannedSequence, PlannedTracker, SCHEMA_VERSION};
-use super::protocol::Protocol;
+use super::protocol::Protocols;
 use super::rundir::RunError;
 use super::shard::Shard;
 use crate::dataset::Sequence;
@@ -72,8 +72,8 @@ pub struct RunRequest {
     pub sequences: Vec<Sequence>,
     /// Filter applied to each frame.
     pub pre: Arc<dyn PreProcessor>,
-    /// Where trackers start.
-    pub protocol: Protocol,
+    /// Where trackers start, and what happens to them until the end of a sequence.
+    pub protocol: Protocols,
     /// Seed from which each unit derives its own.
     pub seed: u64,
     /// The part of the units to run; all without.
@@ -139,10 +139,10 @@ impl RunRequest {
         let mut planned = Vec::new();
         let mut sequences = Vec::new();
         for (sequence, fingerprint) in seen.into_values() {
-            let starts = self
-                .protocol
-                .starts(sequence.len(), |i| sequence.truth(i).is_some());
-            if starts.is_empty() {
+            let starts = self.protocol.iter();
+            let starts = starts.map(|p| p.starts(sequence.len(), |i| sequence.truth(i).is_some()));
+            let starts: Vec<Vec<u32>> = starts.collect();
+            if starts.iter().any(Vec::is_empty) {
                 return Err(RunError::Sequence {
                     sequence: sequence_id(sequence),
                     reason: "no frame has ground truth to start from".into(),
@@ -174,7 +174,7 @@ impl RunRequest {
             schema_version: SCHEMA_VERSION,
             tool: env!("CARGO_PKG_NAME").to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            protocol: self.protocol.to_string(),
+            protocol: self.protocol.clone(),
             seed: self.seed,
             pre: self.pre.id(),
             frame_logs: self.frame_logs,

@@ -1,7 +1,7 @@
 //! A run directory: its lock, its atomic writes and its file names; and why a run may end early.
 
 use super::lock::{self, Holder};
-use super::plan::{FrameLogs, Plan};
+use super::plan::{FrameLogs, Plan, Unit};
 use super::shard::fan;
 use crate::output::{Durable, OutputError, write_atomic};
 use serde_json::{Map, Value};
@@ -183,8 +183,9 @@ impl RunDir {
     /// subfolders named by the first two digits of a hash.
     pub fn lay_out(&mut self, plan: &Plan) {
         let mut logs = std::collections::BTreeMap::<&str, usize>::new();
-        for sequence in &plan.sequences {
-            *logs.entry(&sequence.dataset).or_default() += sequence.starts.len();
+        for unit in plan.passes() {
+            let sequence = &plan.sequences[unit.sequence as usize];
+            *logs.entry(&sequence.dataset).or_default() += 1;
         }
         self.logs = plan.frame_logs;
         // One entry is the description of the tracker.
@@ -267,14 +268,20 @@ impl RunDir {
         }
     }
 
-    /// Path of the frame log of a unit.
-    pub fn log(&self, slug: &str, dataset: &str, sequence: &str, start: u32) -> PathBuf {
-        let end = self.logs.extension();
-        let name = match start {
-            0 => format!("{}.{end}", file_name(sequence)),
-            _ => format!("{}@{start}.{end}", file_name(sequence)),
-        };
-        let folder = self.tracker_dir(slug).join(file_name(dataset));
+    /// Path of the frame log of a unit of `plan`: `sequence[@start][@course]`, where neither file names of sequences nor
+    /// those of courses have an `@`.
+    pub fn log(&self, plan: &Plan, unit: &Unit) -> PathBuf {
+        let tracker = &plan.trackers[unit.tracker as usize];
+        let sequence = &plan.sequences[unit.sequence as usize];
+        let mut name = file_name(&sequence.sequence);
+        if unit.start > 0 {
+            name += &format!("@{}", unit.start);
+        }
+        if let Some(course) = plan.course_name(unit) {
+            name += &format!("@{}", course.replace(':', "-"));
+        }
+        let name = format!("{name}.{}", self.logs.extension());
+        let folder = self.tracker_dir(&tracker.slug).join(file_name(&sequence.dataset));
         match self.fan_logs {
             true => folder.join(fan(&name)).join(name),
             false => folder.join(name),
@@ -392,14 +399,31 @@ mod tests {
     }
 
     #[test]
-    fn large_plans_fan_out() {
+    fn logs_have_a_place_of_their_own() {
+        let starts = vec![vec![0, 3], vec![3]];
+        let plan = serde_json::json!({
+            "schema_version": 1, "tool": "t", "version": "1", "protocol": "reinit:2.5:5,subseq:2", "seed": 0,
+            "pre": "none", "frame_logs": "csv",
+            "trackers": [{"id": "a", "sm": "", "am": "", "ssm": "", "ilm": "", "slug": "a", "parameters": null}],
+            "sequences": [
+                {"dataset": "d", "sequence": "s", "frames": 9, "starts": starts, "fingerprint": ""}
+            ],
+        });
+        let plan: Plan = serde_json::from_value(plan).unwrap();
         let mut dir = RunDir::view(Path::new("out"));
-        let log = |dir: &RunDir| dir.log("a", "d", "s", 3).to_string_lossy().into_owned();
-        assert_eq!(log(&dir), "out/frames/a/d/s@3.csv");
+        let logs = |dir: &RunDir| -> Vec<String> {
+            let log = |unit: Unit| dir.log(&plan, &unit).to_string_lossy().into_owned();
+            plan.units().map(log).collect()
+        };
+        let names = ["s@reinit-2.5-5.csv", "s@3@reinit-2.5-5.csv", "s@3.csv"];
+        assert_eq!(logs(&dir), names.map(|n| format!("out/frames/a/d/{n}")));
         dir.fan_trackers = true;
-        assert_eq!(log(&dir), "out/frames/ca/a/d/s@3.csv");
+        assert_eq!(logs(&dir)[2], "out/frames/ca/a/d/s@3.csv");
         dir.fan_logs = true;
-        assert_eq!(log(&dir), format!("out/frames/ca/a/d/{}/s@3.csv", fan("s@3.csv")));
+        assert_eq!(
+            logs(&dir)[2],
+            format!("out/frames/ca/a/d/{}/s@3.csv", fan("s@3.csv"))
+        );
     }
 
     #[test]

@@ -128,7 +128,7 @@ pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> 
     let resumed = units.len() - pending.len();
     let mut profile = None;
     if !pending.is_empty() {
-        pending.sort_by_key(|unit| (unit.sequence, unit.tracker, unit.start));
+        pending.sort_by_key(|unit| (unit.sequence, unit.tracker, unit.course, unit.start));
         observer.begin(
             units.len(),
             pending.len(),

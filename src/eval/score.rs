@@ -8,6 +8,33 @@ use serde::{Deserialize, Deserializer, Serialize};
 /// A frame whose alignment error exceeds this many pixels is a failure; means are capped here.
 pub const LOST_PX: f64 = 20.0;
 
+/// What is made of the errors of a set of frames: name, unit and description, for `list metrics`.
+pub const FIGURES: [[&str; 3]; 7] = [
+    [
+        "sr_T",
+        "",
+        "fraction of the evaluated frames with al <= T px; a frame without output is above every T",
+    ],
+    ["auc", "", "mean of sr_T over T = 0.2, 0.4, ..., 20 px"],
+    ["sr_area", "px", "area under sr_T from 1 to 20 px, at most 18.99"],
+    [
+        "M_mean, M_median",
+        "as M",
+        "of al, mcd, cl, jaccard, grid; each frame of a mean capped at 20 px (1 for jaccard), no output counts as the cap",
+    ],
+    ["al_tracked", "px", "mean al of the frames at or below 20 px"],
+    [
+        "failures",
+        "frames",
+        "evaluated frames with al > 20 px or no output; with reinit, failures after which a tracker is started anew: they count in sr_T and auc, not in mean and median errors",
+    ],
+    [
+        "frames_per_failure",
+        "frames",
+        "with reinit: evaluated frames / (failures + 1), the mean length of a stretch",
+    ],
+];
+
 /// Points of a success curve: 0 to 20 px in steps of 0.2 px (0 to 1 in steps of 0.01 for the Jaccard distance).
 pub const CURVE_POINTS: usize = 101;
 
@@ -31,6 +58,7 @@ fn cap(metric: Metric) -> f64 {
 #[derive(Clone, Debug)]
 pub struct Sample {
     sorted: [Vec<f64>; 5],
+    restarted: bool,
 }
 
 impl Sample {
@@ -52,11 +80,40 @@ impl Sample {
         sorted
             .iter_mut()
             .for_each(|values| values.sort_unstable_by(f64::total_cmp));
-        Sample { sorted }
+        Sample {
+            sorted,
+            restarted: false,
+        }
+    }
+
+    /// The same frames as those of trackers that are started anew after each failure
+    /// ([`Protocol::Reinit`](super::Protocol::Reinit)): the frames without output are the failures. They count in success
+    /// rates, but have no part in means and medians.
+    pub fn restarted(mut self) -> Sample {
+        self.restarted = true;
+        self
     }
 
     fn sorted(&self, metric: Metric) -> &[f64] {
         &self.sorted[metric as usize]
+    }
+
+    /// The errors that are averaged.
+    fn averaged(&self, metric: Metric) -> &[f64] {
+        let all = self.sorted(metric);
+        match self.restarted {
+            true => &all[..all.partition_point(|e| e.is_finite())],
+            false => all,
+        }
+    }
+
+    /// Failures: frames with an alignment error above 20 px or without output; for restarted trackers, those that ended a
+    /// stretch.
+    pub fn failures(&self) -> usize {
+        match self.restarted {
+            true => self.frames() - self.averaged(Metric::Al).len(),
+            false => self.frames() - self.within(Metric::Al, LOST_PX),
+        }
     }
 
     /// Metrics that at least one frame has a value of, besides those of the corners.
@@ -110,8 +167,8 @@ impl Sample {
 
     /// Mean with each frame capped at 20 px (1 for Jaccard); frames without output count as the cap.
     pub fn mean(&self, metric: Metric) -> f64 {
-        let sum: f64 = self.sorted(metric).iter().map(|e| e.min(cap(metric))).sum();
-        sum / self.sorted(metric).len() as f64
+        let values = self.averaged(metric);
+        values.iter().map(|e| e.min(cap(metric))).sum::<f64>() / values.len() as f64
     }
 
     /// Mean alignment error over the frames within 20 px; NaN when there is none.
@@ -128,7 +185,7 @@ impl Sample {
         } else {
             f64::INFINITY
         };
-        let values = self.sorted(metric);
+        let values = self.averaged(metric);
         let (lower, upper) = match values.len() {
             0 => return f64::NAN,
             n => (values[(n - 1) / 2].min(worst), values[n / 2].min(worst)),
@@ -165,18 +222,22 @@ impl Sample {
             jaccard_median: median(Metric::Jaccard),
             grid_mean: mean(Metric::Grid),
             grid_median: median(Metric::Grid),
-            failures: self.frames() - self.within(Metric::Al, LOST_PX),
+            failures: self.failures(),
+            frames_per_failure: match self.restarted {
+                true => round6(self.frames() as f64 / (self.failures() + 1) as f64),
+                false => f64::NAN,
+            },
         }
     }
 }
 
 /// The figures of a set of frames, each rounded to 1e-6. `sr_*`, `auc` and `sr_area` are of the alignment error.
-/// NaN: undefined (no scored frame; no tracked frame for `al_tracked`; no dense truth for `grid_*`), empty in CSV and `null` in JSON. Infinite
-/// medians are `inf` in CSV and `null` in JSON.
+/// NaN: undefined (no scored frame; no tracked frame for `al_tracked`; no dense truth for `grid_*`; no starting anew after
+/// failures for `frames_per_failure`), empty in CSV and `null` in JSON. Infinite medians are `inf` in CSV and `null` in JSON.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)] // sr_T, M_mean and M_median repeat one sentence each: see `Sample`.
 pub struct Score {
-    /// Scored frames: annotated and not initial.
+    /// Scored frames: annotated, not initial and not skipped; and all failures that a tracker was started anew after.
     pub frames: usize,
     #[serde(deserialize_with = "nan")]
     pub sr_1: f64,
@@ -217,8 +278,15 @@ pub struct Score {
     pub grid_mean: f64,
     #[serde(deserialize_with = "infinite")]
     pub grid_median: f64,
-    /// Frames with an alignment error above 20 px or without output.
+    /// See [`Sample::failures`].
     pub failures: usize,
+    /// Mean length of the `failures + 1` stretches of tracking, frames: `frames / (failures + 1)`.
+    #[serde(default = "undefined", deserialize_with = "nan")]
+    pub frames_per_failure: f64,
+}
+
+fn undefined() -> f64 {
+    f64::NAN
 }
 
 fn nan<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
@@ -231,7 +299,7 @@ fn infinite<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
 
 impl Score {
     /// Column names, in the order of files and of [`Score::values`].
-    pub const COLUMNS: [&'static str; 20] = [
+    pub const COLUMNS: [&'static str; 21] = [
         "frames",
         "sr_1",
         "sr_2",
@@ -252,10 +320,11 @@ impl Score {
         "grid_mean",
         "grid_median",
         "failures",
+        "frames_per_failure",
     ];
 
     /// The figures in the order of [`Score::COLUMNS`].
-    pub fn values(&self) -> [f64; 20] {
+    pub fn values(&self) -> [f64; 21] {
         [
             self.frames as f64,
             self.sr_1,
@@ -277,6 +346,7 @@ impl Score {
             self.grid_mean,
             self.grid_median,
             self.failures as f64,
+            self.frames_per_failure,
         ]
     }
 
@@ -315,12 +385,14 @@ impl Score {
             grid_mean: mean(|s| s.grid_mean),
             grid_median: mean(|s| s.grid_median),
             failures: scored.iter().map(|s| s.failures).sum(),
+            frames_per_failure: mean(|s| s.frames_per_failure),
         }
     }
 
     /// Undoes what JSON cannot say: a `null` median of an empty set is undefined, not infinite.
     pub(crate) fn after_reading(mut self) -> Score {
-        if self.frames == 0 {
+        // Only restarted trackers can have frames and no average.
+        if self.frames == 0 || self.al_mean.is_nan() {
             (self.al_median, self.mcd_median, self.cl_median) = (f64::NAN, f64::NAN, f64::NAN);
         }
         if self.grid_mean.is_nan() {
@@ -422,6 +494,21 @@ mod tests {
             (mean.frames, mean.sr_5, mean.al_tracked, mean.failures),
             (3, 0.5, 0.0, 2)
         );
+    }
+
+    #[test]
+    fn restarted_trackers_fail_and_are_averaged_without_it() {
+        let errors = [error(1.0), None, error(3.0), error(25.0), None];
+        let s = Sample::new(&errors, [0.5, f64::INFINITY]).restarted().score();
+        assert_eq!((s.frames, s.failures, s.frames_per_failure), (5, 2, 1.666667));
+        // An error of 25 px is no failure where more is allowed.
+        assert_eq!((s.sr_1, s.sr_5, s.sr_20), (0.2, 0.4, 0.4));
+        assert_eq!((s.al_mean, s.al_median, s.al_tracked), (8.0, 3.0, 2.0));
+        assert_eq!((s.grid_mean, s.grid_median), (0.5, 0.5));
+        let lost = Sample::new(&[None, None], []).restarted().score();
+        assert_eq!((lost.frames, lost.failures, lost.auc), (2, 2, 0.0));
+        assert!(lost.al_mean.is_nan() && lost.al_median.is_nan() && lost.jaccard_mean.is_nan());
+        assert!(score(&errors).frames_per_failure.is_nan());
     }
 
     #[test]

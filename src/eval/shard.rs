@@ -84,8 +84,8 @@ pub struct Sharding {
     total: u128,
     /// Names of the sequences, for hashes.
     ids: Vec<[u8; 32]>,
-    frames: Vec<u64>,
-    starts: Vec<Vec<u32>>,
+    /// Course, start and frames of the units of a tracker on each sequence.
+    passes: Vec<Vec<(u32, u32, u64)>>,
 }
 
 impl Sharding {
@@ -104,11 +104,15 @@ impl Sharding {
                 plan.trackers.iter().map(|t| block(&t.id)).collect()
             }
         };
+        let mut passes = vec![Vec::new(); plan.sequences.len()];
+        for unit in plan.passes() {
+            passes[unit.sequence as usize].push((unit.course, unit.start, plan.unit_frames(&unit)));
+        }
         let mut before = 0;
-        let sequences = plan.sequences.iter().map(|s| {
-            let here = (before, s.cost());
-            before += s.cost();
-            here
+        let sequences = passes.iter().map(|passes| {
+            let cost: u64 = passes.iter().map(|(.., frames)| frames).sum();
+            before += cost;
+            (before - cost, cost)
         });
         let sequences = sequences.collect();
         Sharding {
@@ -122,8 +126,7 @@ impl Sharding {
                 .iter()
                 .map(|s| Sha256::digest(s.id()).into())
                 .collect(),
-            frames: plan.sequences.iter().map(|s| s.frames as u64).collect(),
-            starts: plan.sequences.iter().map(|s| s.starts.clone()).collect(),
+            passes,
         }
     }
 
@@ -134,17 +137,20 @@ impl Sharding {
         match self.cut {
             Cut::Slice => {
                 let (before, cost) = self.sequences[s];
-                let frames = |start: u32| u128::from(self.frames[s]) - u128::from(start);
-                let earlier: u128 = self.starts[s]
-                    .iter()
-                    .take_while(|&&k| k < unit.start)
-                    .map(|&k| frames(k))
-                    .sum();
+                let mut earlier = 0;
+                let mut own = 0;
+                for &(course, start, frames) in &self.passes[s] {
+                    if (course, start) == (unit.course, unit.start) {
+                        own = u128::from(frames);
+                        break;
+                    }
+                    earlier += u128::from(frames);
+                }
                 let begin = u128::from(before) * self.trackers.len() as u128
                     + u128::from(place) * u128::from(cost)
                     + earlier;
                 // A unit belongs where its middle is.
-                let twice = 2 * begin + frames(unit.start);
+                let twice = 2 * begin + own;
                 (twice * u128::from(self.count) / (2 * self.total)) as u32 + 1
             }
             Cut::Hash => {
@@ -168,6 +174,7 @@ pub(super) fn fan(name: &str) -> String {
 mod tests {
     use super::*;
     use crate::eval::plan::{FrameLogs, PlannedSequence, PlannedTracker};
+    use crate::eval::protocol::Protocols;
     use serde_json::{Map, Value};
     use std::collections::{BTreeMap, BTreeSet};
 
@@ -176,7 +183,7 @@ mod tests {
             schema_version: 1,
             tool: "t".into(),
             version: "1".into(),
-            protocol: "ope".into(),
+            protocol: Protocols::default(),
             seed: 0,
             pre: "none".into(),
             frame_logs: FrameLogs::Csv,
@@ -198,7 +205,7 @@ mod tests {
                     dataset: "d".into(),
                     sequence: format!("s{k}"),
                     frames,
-                    starts: starts.to_vec(),
+                    starts: vec![starts.to_vec()],
                     fingerprint: String::new(),
                 })
                 .collect(),

@@ -17,10 +17,24 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 #[derive(Clone, Copy)]
 enum Trick {
     Nothing,
-    Panic { at: usize },
-    Lose { at: usize },
-    Infinite { at: usize },
+    Panic {
+        at: usize,
+    },
+    Lose {
+        at: usize,
+    },
+    Infinite {
+        at: usize,
+    },
+    /// Goes 30 px away.
+    Jump {
+        at: usize,
+    },
     NoStart,
+    /// Does not start on that frame of the first sequence.
+    Refuse {
+        frame: usize,
+    },
 }
 
 /// Stays where it started but for a seeded offset.
@@ -33,9 +47,12 @@ struct Still {
 }
 
 impl Tracker for Still {
-    fn init(&mut self, _: &Frame, corners: &Corners) -> Result<(), TrackError> {
-        if matches!(self.trick, Trick::NoStart) {
-            return Err(TrackError::Template("flat"));
+    fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        let index = (frame.gray().get(0, 3, 3) as usize - 60) / 3;
+        match self.trick {
+            Trick::NoStart => return Err(TrackError::Template("flat")),
+            Trick::Refuse { frame } if frame == index => return Err(TrackError::Template("flat")),
+            _ => {}
         }
         self.corners = *corners;
         Ok(())
@@ -55,6 +72,7 @@ impl Tracker for Still {
                     similarity: value,
                 });
             }
+            Trick::Jump { at } if at == self.updates => self.corners = self.corners.translated(30.0, 0.0),
             _ => self.corners = self.corners.translated(self.offset, 1.0 / 3.0),
         }
         Ok(Update {
@@ -121,6 +139,8 @@ fn write_data(root: &Path, lengths: &[usize]) {
     }
 }
 
+mod protocols;
+
 struct Bench {
     dir: tempfile::TempDir,
     sequences: Vec<Sequence>,
@@ -142,7 +162,7 @@ impl Bench {
             trackers,
             sequences: self.sequences.clone(),
             pre: Arc::new(Identity),
-            protocol: Protocol::Ope,
+            protocol: Protocol::Ope.into(),
             seed: 7,
             threads_per_tracker: 1,
             shard: None,

@@ -128,7 +128,7 @@ mod tests {
             dataset: "d,\"x\"".into(),
             sequence: "s".into(),
             frames: 5,
-            starts: vec![1],
+            starts: vec![vec![1]],
             fingerprint: String::new(),
         }];
         let corners = |k: f64| Some(Corners::rect(0.1 * k, 1.0 / 3.0, 1e-9 + k, 40.0));

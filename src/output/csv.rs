@@ -106,6 +106,7 @@ pub(super) fn curves(out: &mut dyn Write, results: &Results, of_sequences: bool)
         "metric",
         "threshold",
         "success_rate",
+        "protocol",
     ];
     let curves = results.curves.iter().filter(|c| of_sequences || c.is_pooled());
     let rows = curves.flat_map(|c| {
@@ -118,6 +119,7 @@ pub(super) fn curves(out: &mut dyn Write, results: &Results, of_sequences: bool)
                 metric,
                 &format!("{t:.2}"),
                 &number(*rate),
+                &c.protocol,
             ]
             .map(str::to_owned)
             .to_vec()

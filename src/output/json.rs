@@ -273,7 +273,8 @@ mod tests {
                   "jaccard_median": 0.5,
                   "grid_mean": null,
                   "grid_median": null,
-                  "failures": 1
+                  "failures": 1,
+                  "frames_per_failure": null
                 },
                 {
                   "average": "seq_mean",
@@ -301,7 +302,8 @@ mod tests {
                   "jaccard_median": 0.5,
                   "grid_mean": null,
                   "grid_median": null,
-                  "failures": 1
+                  "failures": 1,
+                  "frames_per_failure": null
                 }
               ],
               "sequences": [
@@ -330,7 +332,8 @@ mod tests {
                   "jaccard_median": 0.5,
                   "grid_mean": null,
                   "grid_median": null,
-                  "failures": 1
+                  "failures": 1,
+                  "frames_per_failure": null
                 }
               ]
             }

@@ -130,29 +130,29 @@ mod tests {
         write_results(dir.path(), &aggregate(&example::units()), &Meta::default()).unwrap();
         let read = |f: &str| std::fs::read_to_string(dir.path().join(f)).unwrap();
         insta::assert_snapshot!(read("summary.csv"), @"
-        tracker,sm,am,ssm,ilm,average,metric,protocol,sequences,runs,failed_runs,frames,sr_1,sr_2,sr_5,sr_10,sr_20,auc,sr_area,al_mean,al_median,al_tracked,mcd_mean,mcd_median,cl_mean,cl_median,jaccard_mean,jaccard_median,grid_mean,grid_median,failures
-        esm/ssd/homography,esm,ssd,homography,,pooled,al,ope,2,2,0,6,0.833333,0.833333,1.000000,1.000000,1.000000,0.963333,18.501684,0.808333,0.175000,0.808333,0.808333,0.175000,0.808333,0.175000,0.015643,0.003493,,,0
-        esm/ssd/homography,esm,ssd,homography,,seq_mean,al,ope,2,2,0,6,0.875000,0.875000,1.000000,1.000000,1.000000,0.972500,18.623738,0.618750,0.212500,0.618750,0.618750,0.212500,0.618750,0.212500,0.011982,0.004234,,,0
-        iclk/ssd/affine,iclk,ssd,affine,,pooled,al,ope,2,2,0,6,0.333333,0.500000,0.666667,0.666667,0.666667,0.633333,12.323232,7.400000,2.000000,1.100000,7.400000,2.000000,7.400000,2.000000,0.257976,0.039168,,,2
-        iclk/ssd/affine,iclk,ssd,affine,,seq_mean,al,ope,2,2,0,6,0.500000,0.625000,0.750000,0.750000,0.750000,0.723750,13.989899,5.600000,8.225000,1.100000,5.600000,8.225000,5.600000,8.225000,0.194480,0.129575,,,2
-        nn/mi/affine,nn,mi,affine,,pooled,al,ope,1,1,1,2,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,20.000000,inf,,20.000000,inf,20.000000,inf,1.000000,1.000000,,,2
-        nn/mi/affine,nn,mi,affine,,seq_mean,al,ope,1,1,1,2,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,20.000000,inf,,20.000000,inf,20.000000,inf,1.000000,1.000000,,,2
+        tracker,sm,am,ssm,ilm,average,metric,protocol,sequences,runs,failed_runs,frames,sr_1,sr_2,sr_5,sr_10,sr_20,auc,sr_area,al_mean,al_median,al_tracked,mcd_mean,mcd_median,cl_mean,cl_median,jaccard_mean,jaccard_median,grid_mean,grid_median,failures,frames_per_failure
+        esm/ssd/homography,esm,ssd,homography,,pooled,al,ope,2,2,0,6,0.833333,0.833333,1.000000,1.000000,1.000000,0.963333,18.501684,0.808333,0.175000,0.808333,0.808333,0.175000,0.808333,0.175000,0.015643,0.003493,,,0,
+        esm/ssd/homography,esm,ssd,homography,,seq_mean,al,ope,2,2,0,6,0.875000,0.875000,1.000000,1.000000,1.000000,0.972500,18.623738,0.618750,0.212500,0.618750,0.618750,0.212500,0.618750,0.212500,0.011982,0.004234,,,0,
+        iclk/ssd/affine,iclk,ssd,affine,,pooled,al,ope,2,2,0,6,0.333333,0.500000,0.666667,0.666667,0.666667,0.633333,12.323232,7.400000,2.000000,1.100000,7.400000,2.000000,7.400000,2.000000,0.257976,0.039168,,,2,
+        iclk/ssd/affine,iclk,ssd,affine,,seq_mean,al,ope,2,2,0,6,0.500000,0.625000,0.750000,0.750000,0.750000,0.723750,13.989899,5.600000,8.225000,1.100000,5.600000,8.225000,5.600000,8.225000,0.194480,0.129575,,,2,
+        nn/mi/affine,nn,mi,affine,,pooled,al,ope,1,1,1,2,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,20.000000,inf,,20.000000,inf,20.000000,inf,1.000000,1.000000,,,2,
+        nn/mi/affine,nn,mi,affine,,seq_mean,al,ope,1,1,1,2,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,20.000000,inf,,20.000000,inf,20.000000,inf,1.000000,1.000000,,,2,
         ");
         insta::assert_snapshot!(read("sequences.csv"), @"
-        tracker,sm,am,ssm,ilm,dataset,sequence,start,protocol,status,frames,sr_1,sr_2,sr_5,sr_10,sr_20,auc,sr_area,al_mean,al_median,al_tracked,mcd_mean,mcd_median,cl_mean,cl_median,jaccard_mean,jaccard_median,grid_mean,grid_median,failures,reason
-        esm/ssd/homography,esm,ssd,homography,,builtin,book,0,ope,ok,2,1.000000,1.000000,1.000000,1.000000,1.000000,1.000000,18.989899,0.050000,0.050000,0.050000,0.050000,0.050000,0.050000,0.050000,0.000999,0.000999,,,0,
-        esm/ssd/homography,esm,ssd,homography,,builtin,wall,0,ope,ok,4,0.750000,0.750000,1.000000,1.000000,1.000000,0.945000,18.257576,1.187500,0.375000,1.187500,1.187500,0.375000,1.187500,0.375000,0.022965,0.007469,,,0,
-        iclk/ssd/affine,iclk,ssd,affine,,builtin,book,0,ope,ok,2,1.000000,1.000000,1.000000,1.000000,1.000000,0.995000,18.989899,0.200000,0.200000,0.200000,0.200000,0.200000,0.200000,0.200000,0.003990,0.003990,,,0,
-        iclk/ssd/affine,iclk,ssd,affine,,builtin,wall,0,ope,ok,4,0.000000,0.250000,0.500000,0.500000,0.500000,0.452500,8.989899,11.000000,16.250000,2.000000,11.000000,16.250000,11.000000,16.250000,0.384969,0.255159,,,2,
-        nn/mi/affine,nn,mi,affine,,builtin,wall,0,ope,failed,2,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,20.000000,inf,,20.000000,inf,20.000000,inf,1.000000,1.000000,,,2,panicked at frame 1
+        tracker,sm,am,ssm,ilm,dataset,sequence,start,protocol,status,frames,sr_1,sr_2,sr_5,sr_10,sr_20,auc,sr_area,al_mean,al_median,al_tracked,mcd_mean,mcd_median,cl_mean,cl_median,jaccard_mean,jaccard_median,grid_mean,grid_median,failures,frames_per_failure,reason
+        esm/ssd/homography,esm,ssd,homography,,builtin,book,0,ope,ok,2,1.000000,1.000000,1.000000,1.000000,1.000000,1.000000,18.989899,0.050000,0.050000,0.050000,0.050000,0.050000,0.050000,0.050000,0.000999,0.000999,,,0,,
+        esm/ssd/homography,esm,ssd,homography,,builtin,wall,0,ope,ok,4,0.750000,0.750000,1.000000,1.000000,1.000000,0.945000,18.257576,1.187500,0.375000,1.187500,1.187500,0.375000,1.187500,0.375000,0.022965,0.007469,,,0,,
+        iclk/ssd/affine,iclk,ssd,affine,,builtin,book,0,ope,ok,2,1.000000,1.000000,1.000000,1.000000,1.000000,0.995000,18.989899,0.200000,0.200000,0.200000,0.200000,0.200000,0.200000,0.200000,0.003990,0.003990,,,0,,
+        iclk/ssd/affine,iclk,ssd,affine,,builtin,wall,0,ope,ok,4,0.000000,0.250000,0.500000,0.500000,0.500000,0.452500,8.989899,11.000000,16.250000,2.000000,11.000000,16.250000,11.000000,16.250000,0.384969,0.255159,,,2,,
+        nn/mi/affine,nn,mi,affine,,builtin,wall,0,ope,failed,2,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,20.000000,inf,,20.000000,inf,20.000000,inf,1.000000,1.000000,,,2,,panicked at frame 1
         ");
         let curves = read("curves.csv");
         assert_eq!(curves.lines().count(), 1 + 101 * (3 * 4 + 5));
         insta::assert_snapshot!(curves.lines().take(4).collect::<Vec<_>>().join("\n"), @"
-        tracker,dataset,sequence,metric,threshold,success_rate
-        esm/ssd/homography,all,pooled,al,0.00,0.333333
-        esm/ssd/homography,all,pooled,al,0.20,0.500000
-        esm/ssd/homography,all,pooled,al,0.40,0.666667
+        tracker,dataset,sequence,metric,threshold,success_rate,protocol
+        esm/ssd/homography,all,pooled,al,0.00,0.333333,ope
+        esm/ssd/homography,all,pooled,al,0.20,0.500000,ope
+        esm/ssd/homography,all,pooled,al,0.40,0.666667,ope
         ");
     }
 

@@ -185,10 +185,15 @@ fn draw(root: &Area, results: &Results, title: &str) -> Result<(), Box<dyn std::
     }
     right.draw_text("tracker", &heading, (label_left, y))?;
     right.draw_text("AUC", &number, (auc_right, y))?;
+    let several = ranking.iter().any(|row| row.protocol != ranking[0].protocol);
     for (rank, (row, _)) in drawn.iter().enumerate() {
+        let name = match several {
+            true => format!("{} {}", row.tracker.id, row.protocol),
+            false => row.tracker.id.clone(),
+        };
         y += 30 * s;
         right.draw(&PathElement::new([(4 * s, y), (42 * s, y)], line(rank)))?;
-        right.draw_text(&shorten(&row.tracker.id, LABEL), &label, (label_left, y))?;
+        right.draw_text(&shorten(&name, LABEL), &label, (label_left, y))?;
         right.draw_text(&short(row.score.auc, 3), &number, (auc_right, y))?;
     }
     if ranking.len() > drawn.len() {

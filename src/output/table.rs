@@ -75,7 +75,7 @@ pub fn parse_sort(key: &str) -> Result<String, String> {
 fn ranked<'a>(results: &'a Results, key: &str) -> Vec<&'a SummaryRow> {
     let mut rows = results.ranking();
     let figure = |r: &SummaryRow| r.score.get(key).unwrap_or(f64::NAN);
-    let larger_is_better = key.starts_with("sr_") || key == "auc" || key == "frames";
+    let larger_is_better = key.starts_with("sr_") || key == "auc" || key.starts_with("frames");
     match key {
         "tracker" => rows.sort_by(|a, b| a.tracker.cmp(&b.tracker)),
         _ if larger_is_better => rows.sort_by(|a, b| descending(figure(a), figure(b))),
@@ -127,6 +127,10 @@ fn people(results: &Results, rows: &[&SummaryRow], options: &TableOptions) -> St
         "failures",
         "frames",
     ];
+    let restarted = rows[..shown].iter().any(|r| !r.score.frames_per_failure.is_nan());
+    if restarted {
+        header.push("frames/failure");
+    }
     if protocols {
         header.push("protocol");
     }
@@ -142,6 +146,9 @@ fn people(results: &Results, rows: &[&SummaryRow], options: &TableOptions) -> St
             s.failures.to_string(),
             s.frames.to_string(),
         ]);
+        if restarted {
+            row.push(short(s.frames_per_failure, 1));
+        }
         if protocols {
             row.push(r.protocol.clone());
         }

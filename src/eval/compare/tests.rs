@@ -108,6 +108,45 @@ fn start_frames_of_a_sequence_are_one_draw() {
 }
 
 #[test]
+fn protocols_are_compared_apart() {
+    let run = |name: &str, shift: &dyn Fn(&str, usize) -> f64, protocols: &[&str]| {
+        let units = protocols.iter().flat_map(|p| (0..12).map(move |s| (*p, s)));
+        let units: Vec<UnitResult> = units
+            .map(|(protocol, s)| {
+                let mut unit = example::unit(
+                    TRACKERS[0],
+                    &format!("s{s:02}"),
+                    &[Some(shift(protocol, s)), Some(1.0)],
+                );
+                unit.protocol = protocol.to_owned();
+                unit
+            })
+            .collect();
+        run_of(name, aggregate(&units))
+    };
+    let both = ["ope", "subseq:3"];
+    let a = run("a", &|_, s| s as f64, &both);
+    let b = run("b", &|p, s| s as f64 + if p == "ope" { 0.0 } else { 1.0 }, &both);
+    let found = against(&a, &b).unwrap();
+    assert_eq!((found.trackers, found.units, found.identical), (1, 24, 12));
+    assert_eq!(found.changed.len(), 1);
+    let change = &found.changed[0];
+    assert_eq!(
+        (change.protocol.as_str(), change.units, change.sequences),
+        ("subseq:3", 12, 12)
+    );
+    // A protocol that one of them lacks.
+    let one = run("one", &|_, s| s as f64, &both[..1]);
+    let found = against(&one, &a).unwrap();
+    assert_eq!((found.units, found.units_only_a, found.units_only_b), (12, 0, 12));
+    assert!(
+        found.only_b.is_empty() && found.warnings[0].contains("12 runs"),
+        "{:?}",
+        found.warnings
+    );
+}
+
+#[test]
 fn what_does_not_compare_is_refused() {
     let a = run("a", |_, _| 1.0);
     let reasons = |b: &Run| match against(&a, b) {
