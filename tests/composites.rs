@@ -329,45 +329,36 @@ fn little_effort_is_for_little_motion() {
         let update = tracker.update(&scene.plain(&moved)).unwrap();
         (distance(&update.corners, &corners(&moved)), update.corners)
     };
+    let apart = |to| distance(&follow(0.85, to).1, &follow(0.0, to).1);
     // All the effort there is, where it is needed.
     let far = [262.0, 196.0];
     assert!(follow(0.0, far).0 < 0.5, "{:?}", follow(0.0, far));
-    assert_eq!(follow(0.8, far).1, follow(0.0, far).1);
+    assert!(apart(far) < 0.05, "{}", apart(far));
     let near = [204.0, 158.0];
-    assert!(follow(0.8, near).0 < 0.3, "{:?}", follow(0.8, near));
-    assert_ne!(follow(0.8, near).1, follow(0.0, near).1);
+    assert!(follow(0.85, near).0 < 0.3, "{:?}", follow(0.85, near));
+    assert!(apart(near) > 0.0);
 }
 
 #[test]
 fn patches_that_fail_the_way_back_stay_out() {
     let scene = Scene::new(true);
     let (start, moved) = (pose(0.0, 1.0, [220.0, 170.0]), pose(0.0, 1.0, [222.0, 171.0]));
-    let hidden = |x: f64, y: f64| (40.0..130.0).contains(&x) && (30.0..110.0).contains(&y);
-    let checked = NodeParams {
-        grid_fb: 0.05,
-        ..nodes(9)
+    let frames = [start, moved].map(|m| scene.plain(&m));
+    // Hardly any can return so exactly: as many as determine the warp are kept, in both passes.
+    let strict = NodeParams {
+        grid_fb: 1e-14,
+        ..nodes(7)
     };
-    let inliers = |grid_passes: usize| {
-        let patch = PatchParams {
-            grid_passes,
-            grid_enough: 0.0,
-            ..PatchParams::default()
-        };
-        let mut tracker = Grid::new(checked.clone(), patch, lmeds(), Homography::default(), member).unwrap();
-        tracker.init(&scene.plain(&start), &corners(&start)).unwrap();
-        let update = tracker.update(&scene.frame(&moved, |o, _| hidden(o[0], o[1])));
-        assert!(distance(&update.unwrap().corners, &corners(&moved)) < 0.3);
-        tracker.inliers().to_vec()
+    let patch = PatchParams {
+        grid_passes: 3,
+        grid_enough: 0.0,
+        ..PatchParams::default()
     };
-    let (once, twice) = (inliers(1), inliers(2));
-    assert!(once.contains(&false) && twice.iter().filter(|i| **i).count() > 20);
-    // Those that fail are not asked again, whatever they would find from a better start.
-    for (i, (a, b)) in once.iter().zip(&twice).enumerate() {
-        let (x, y) = ((i % 9) as f64 * BOARD[0] / 8.0, (i / 9) as f64 * BOARD[1] / 8.0);
-        if hidden(x - 8.0, y - 8.0) && hidden(x + 8.0, y + 8.0) {
-            assert!(!a && !b, "({x}, {y}) is hidden");
-        }
-    }
+    let mut tracker = Grid::new(strict, patch, lmeds(), Homography::default(), member).unwrap();
+    tracker.init(&frames[0], &corners(&start)).unwrap();
+    let update = tracker.update(&frames[1]).unwrap();
+    assert!(distance(&update.corners, &corners(&moved)) < 3.0);
+    assert_eq!(tracker.inliers().iter().filter(|i| **i).count(), 4);
 }
 
 #[test]

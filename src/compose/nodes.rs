@@ -160,7 +160,8 @@ impl<S: StateSpaceModel> Nodes<S> {
         // Perspective warps most at a corner.
         before.0.iter().all(|&x| {
             let (a, _) = homography::spatial_derivatives(&motion, x);
-            let row = |i: usize, a: f64, b: f64| (a - f64::from(i == 0)).abs() + (b - f64::from(i == 1)).abs();
+            let row =
+                |i: usize, a: f64, b: f64| (a - f64::from(i == 0)).abs() + (b - f64::from(i == 1)).abs();
             radius * row(0, a[(0, 0)], a[(0, 1)]).max(row(1, a[(1, 0)], a[(1, 1)])) <= BENT
         })
     }

@@ -23,7 +23,7 @@ crate::params! {
         klt_passes: usize = 2, in 1..=10;
         /// Grids of points: share of those with texture that must agree after one pass over the lowest levels for the rest to be
         /// left out; 0: it never is.
-        klt_enough: f64 = 0.8, in 0.0..=1.0;
+        klt_enough: f64 = 0.85, in 0.0..=1.0;
         /// Points whose window has a structure matrix (mean of ∇I ∇Iᵀ) with a smaller eigenvalue are lost, (intensity/px)².
         klt_min_eigen: f64 = 0.1, in 0.0..=1e6;
     }
@@ -433,7 +433,7 @@ mod tests {
                 let miss = (p.at[0] - x[0] - t[0]).hypot(p.at[1] - x[1] - t[1]);
                 assert!(miss < 0.05 && p.residual < 2.0, "{t:?} {miss} {p:?}");
             }
-            klt.forward_backward(&first, &second, &points(), &out, &mut back);
+            klt.forward_backward(&first, &second, &points(), &out, usize::MAX, &mut back);
             assert!(back.iter().all(|d| *d < 0.05 * 0.05), "{back:?}");
         }
     }
