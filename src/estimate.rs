@@ -97,6 +97,9 @@ const POLISH: usize = 5;
 const CUT: f64 = 20.25;
 /// Median of the squared distance of normal errors, in variances of one coordinate.
 const MEDIAN: f64 = 2.0 * std::f64::consts::LN_2;
+/// Least median: squared distance, px², of pairs that surely belong together, and fewest samples however many there are.
+const CLOSE: f64 = 1.0;
+const FEWEST: usize = 12;
 /// Pairs scored between looks at the best score so far.
 const CHUNK: usize = 16;
 
@@ -312,7 +315,10 @@ impl Estimator {
         // Rousseeuw's optimal order statistic.
         let rank = ((n + sample) / 2).min(n - 1);
         let (mut best, mut median) = (None, f64::INFINITY);
-        for _ in 0..self.samples(0.55, sample).max(3) {
+        let mut needed = self.samples(0.55, sample).max(3);
+        let mut drawn = 0;
+        while drawn < needed {
+            drawn += 1;
             let Some(m) = self.draw(model, from, to, sample) else {
                 continue;
             };
@@ -327,6 +333,9 @@ impl Estimator {
             if below > rank {
                 median = *self.errors.select_nth_unstable_by(rank, f64::total_cmp).1;
                 best = Some(m);
+                // So many pairs agree by accident only where few would do.
+                let close = self.errors.iter().filter(|e| **e <= CLOSE).count();
+                needed = needed.min(self.samples(close as f64 / n as f64, sample).max(FEWEST));
             }
         }
         let m = best.ok_or(EstimateError::NoConsensus)?;

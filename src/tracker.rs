@@ -88,6 +88,13 @@ pub trait Tracker: Send {
     /// Moves the tracker to `corners` without changing its template.
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError>;
 
+    /// Is told that the object is at `corners` in the next frame instead of finding it there. Trackers that remember the
+    /// last frame, and composites of such, take this one for it; for others it is the same as
+    /// [`set_region`](Self::set_region).
+    fn skip(&mut self, _frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        self.set_region(corners)
+    }
+
     /// Current corners in image pixels.
     fn corners(&self) -> Corners;
 
@@ -132,6 +139,9 @@ impl<T: Tracker + ?Sized> Tracker for Box<T> {
     }
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
         (**self).set_region(corners)
+    }
+    fn skip(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        (**self).skip(frame, corners)
     }
     fn corners(&self) -> Corners {
         (**self).corners()

@@ -69,8 +69,11 @@ fn allocations(tracker: &mut dyn Tracker, frames: &[Frame]) -> Result<usize, Tra
             tracker.tell_truth(&FIRST);
         }
         let before = COUNT.get();
-        // Losing the object is no reason to allocate.
+        // Losing the object is no reason to allocate, nor is being put back.
         let _ = tracker.update(frame);
+        if i % 2 == 0 {
+            let _ = tracker.set_region(&FIRST);
+        }
         if i >= WARM {
             counted += COUNT.get() - before;
         }
@@ -149,7 +152,12 @@ fn no_composite_of_them_does() {
         "pyramid(iclk/ssd/homography{res=14x12}; levels=2)",
         "grid(fclk/ssd/translation{res=9x9}; ssm=homography, size=4x4)",
         "flow{size=5x5}",
+        "flow{size=5x5,klt_enough=0,grid_fb=1e-6}",
         "rklt(flow{size=5x5}, iclk/ssd/homography{res=14x12})",
+        "rklt(grid(iclk/ssd/translation{res=9x9}; ssm=homography, size=4x4), \
+         grid(iclk/ssd/translation{res=9x9}; ssm=homography, size=4x4, grid_reset=fixed); rkl_enough=0.9)",
+        "guard(iclk/ssd/homography{res=14x12})",
+        "guard(iclk/ssd/homography{res=14x12}; min_confidence=1)",
     ];
     assert_eq!(check(ids.into_iter().map(String::from)), ids.len());
 }

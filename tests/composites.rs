@@ -283,6 +283,84 @@ fn guards_find_again_and_put_back() {
     assert!(hidden[4] > 5.0, "{hidden:?}");
 }
 
+/// Errors of a template grid that asks its leader, a grid from frame to frame, below an agreement of `enough`; iterations.
+fn led(enough: &str, frames: &[Frame], truth: &[Mat3]) -> Vec<(f64, u32)> {
+    let text = format!(
+        "rklt(grid(pyramid(iclk/ssd/translation{{res=15x15}}; levels=4, widen=true); size=7x7, patch_size=21), \
+         grid(iclk/ssd/translation{{res=15x15}}; size=7x7, grid_reset=fixed); rkl_enough={enough})"
+    );
+    let registry = Registry::builtin();
+    let mut tracker = registry.build(&registry.parse(&text).unwrap()).unwrap();
+    tracker.init(&frames[0], &corners(&truth[0])).unwrap();
+    let mut follow = |(frame, m): (&Frame, &Mat3)| {
+        let update = tracker.update(frame).unwrap();
+        assert_eq!(update.corners, tracker.corners());
+        (distance(&update.corners, &corners(m)), update.iterations)
+    };
+    frames.iter().zip(truth).skip(1).map(&mut follow).collect()
+}
+
+#[test]
+fn leaders_are_asked_where_the_template_does_not_suffice() {
+    let scene = Scene::new(true);
+    // A slow motion, a leap that only the leader can follow from the frame before, and on.
+    let x = [200.0, 201.0, 202.0, 203.0, 231.0, 232.0];
+    let truth = x.map(|x| pose(0.0, 1.0, [x, 160.0 + 0.5 * (x - 200.0)]));
+    let frames = truth.map(|m| scene.plain(&m));
+    let (seldom, always) = (led("0.7", &frames, &truth), led("1e30", &frames, &truth));
+    for (k, (a, b)) in seldom.iter().zip(&always).enumerate() {
+        assert!(a.0 < 0.2 && b.0 < 0.2, "{k}: {a:?} {b:?}");
+        let leap = k == 3;
+        assert_eq!(a.1 == b.1, leap, "{k}: {a:?} {b:?}");
+    }
+}
+
+#[test]
+fn little_effort_is_for_little_motion() {
+    let scene = Scene::new(true);
+    let follow = |klt_enough: f64, to: [f64; 2]| {
+        let (start, moved) = (pose(0.0, 1.0, [200.0, 160.0]), pose(0.05, 1.02, to));
+        let klt = KltParams {
+            klt_enough,
+            ..KltParams::default()
+        };
+        let mut tracker = KltGrid::new(nodes(8), klt, lmeds(), Homography::default());
+        tracker.init(&scene.plain(&start), &corners(&start)).unwrap();
+        let update = tracker.update(&scene.plain(&moved)).unwrap();
+        (distance(&update.corners, &corners(&moved)), update.corners)
+    };
+    let apart = |to| distance(&follow(0.85, to).1, &follow(0.0, to).1);
+    // All the effort there is, where it is needed.
+    let far = [262.0, 196.0];
+    assert!(follow(0.0, far).0 < 0.5, "{:?}", follow(0.0, far));
+    assert!(apart(far) < 0.05, "{}", apart(far));
+    let near = [204.0, 158.0];
+    assert!(follow(0.85, near).0 < 0.3, "{:?}", follow(0.85, near));
+    assert!(apart(near) > 0.0);
+}
+
+#[test]
+fn patches_that_fail_the_way_back_stay_out() {
+    let scene = Scene::new(true);
+    let (start, moved) = (pose(0.0, 1.0, [220.0, 170.0]), pose(0.0, 1.0, [222.0, 171.0]));
+    let frames = [start, moved].map(|m| scene.plain(&m));
+    // Hardly any can return so exactly: as many as determine the warp are kept, in both passes.
+    let strict = NodeParams {
+        grid_fb: 1e-14,
+        ..nodes(7)
+    };
+    let patch = PatchParams {
+        grid_passes: 3,
+        grid_enough: 0.0,
+        ..PatchParams::default()
+    };
+    let mut tracker = Grid::new(strict, patch, lmeds(), Homography::default(), member).unwrap();
+    tracker.init(&frames[0], &corners(&start)).unwrap();
+    let update = tracker.update(&frames[1]).unwrap();
+    assert!(distance(&update.corners, &corners(&moved)) < 3.0);
+    assert_eq!(tracker.inliers().iter().filter(|i| **i).count(), 4);
+}
+
 #[test]
 fn points_under_an_occluder_are_rejected() {
     let scene = Scene::new(true);

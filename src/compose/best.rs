@@ -258,6 +258,12 @@ impl Tracker for Best {
         Ok(())
     }
 
+    fn skip(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        self.set_region(corners)?;
+        self.previous = Some(frame.clone());
+        Ok(())
+    }
+
     fn corners(&self) -> Corners {
         self.aligner.corners(&self.pose)
     }

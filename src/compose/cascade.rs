@@ -113,6 +113,13 @@ impl Tracker for Cascade {
             .try_for_each(|layer| layer.set_region(corners))
     }
 
+    fn skip(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        self.history.keep(frame, corners);
+        self.layers
+            .iter_mut()
+            .try_for_each(|layer| layer.skip(frame, corners))
+    }
+
     fn corners(&self) -> Corners {
         self.layers
             .last()

@@ -39,6 +39,9 @@ crate::params! {
         /// Passes over each frame. In all but the first, patches begin where the fit before puts them, their regions warped
         /// like it. Not for grid_reset=never, whose patches go their own ways.
         grid_passes: usize = 2, in 1..=10;
+        /// Share of the patches with texture that must agree after the first pass for the others to be left out, in frames that
+        /// hardly warp a patch; 0: they never are.
+        grid_enough: f64 = 0.8, in 0.0..=1.0;
         /// Patches of less texture are left out: smaller eigenvalue of the mean of ∇I ∇Iᵀ, (intensity/px)²; 0: none is.
         grid_min_eigen: f64 = 0.1, in 0.0..=1e6;
     }
@@ -64,6 +67,10 @@ pub struct Grid<S> {
     texture: Texture,
     /// Patches left out.
     flat: Vec<bool>,
+    /// Patches that failed the way back in this frame.
+    failed: Vec<bool>,
+    /// Whether the members have yet to be made ready for the next frame.
+    unready: bool,
     /// Where the patches begin in the next frame.
     starts: Vec<Corners>,
     /// Where they begin in the present pass.
@@ -108,6 +115,8 @@ impl<S: StateSpaceModel> Grid<S> {
             lost: Vec::new(),
             texture: Texture::new(window),
             flat: Vec::new(),
+            failed: vec![false; count],
+            unready: false,
             starts: Vec::new(),
             regions: Vec::new(),
             updates: vec![None; count],
@@ -155,15 +164,16 @@ impl<S: StateSpaceModel> Grid<S> {
         Corners(signs.map(|[u, v]| [0, 1].map(|c| now[i][c] + u * across[c] + v * down[c])))
     }
 
-    /// Tracks every patch that is not left out, `step` says how, and notes where they were found. Returns the most
+    /// Tracks every patch that is neither left out nor has failed, `step` says how, and notes where they were found. Returns the most
     /// iterations.
     fn track(
         &mut self,
         step: impl Fn(usize, &[Corners], &mut Box<dyn Tracker>) -> Result<Update, TrackError> + Sync,
     ) -> u32 {
-        let (flat, regions) = (&self.flat, &self.regions);
+        let (flat, failed, regions) = (&self.flat, &self.failed, &self.regions);
         act(&mut self.members, &mut self.updates, self.threads, |i, member| {
-            (!flat[i]).then(|| step(i, regions, member)).and_then(Result::ok)
+            let wanted = !flat[i] && !failed[i];
+            wanted.then(|| step(i, regions, member)).and_then(Result::ok)
         });
         self.found.clear();
         let found = self.updates.iter();
@@ -224,7 +234,19 @@ impl<S: StateSpaceModel> Grid<S> {
         }
     }
 
-    /// Makes the members ready for the next frame.
+    /// Whether so many patches agree with the fit that it can be relied on.
+    fn enough(&self) -> bool {
+        let textured = self.flat.iter().filter(|flat| !**flat).count();
+        self.nodes.enough(self.params.grid_enough, textured)
+    }
+
+    /// How far patches reach from their nodes, px.
+    fn radius(&self) -> f64 {
+        let area = self.starts.first().map_or(0.0, Corners::signed_area);
+        area.abs().sqrt() / 2.0
+    }
+
+    /// Makes the members ready for the next frame; `frame` is the one before it.
     fn reset(&mut self, frame: &Frame) {
         let how = self.params.grid_reset;
         // Where templates are new, so is the texture.
@@ -293,6 +315,7 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         self.nodes.init(corners)?;
         self.previous = None;
+        self.unready = false;
         let mut started = 0;
         self.starts.clear();
         for i in 0..self.members.len() {
@@ -313,6 +336,10 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
             .previous
             .replace(frame.clone())
             .ok_or(TrackError::NotInitialised)?;
+        if std::mem::take(&mut self.unready) {
+            self.reset(&previous);
+        }
+        self.failed.fill(false);
         let iterations = self.track(|_, _, member| member.update(frame));
         if self.nodes.params.grid_fb > 0.0 {
             self.misses.clear();
@@ -325,6 +352,9 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
                 self.misses.push(d);
             }
             self.nodes.check_back(&self.misses, &mut self.found);
+            for ((failed, update), found) in self.failed.iter_mut().zip(&self.updates).zip(&self.found) {
+                *failed = update.is_some() && found.is_none();
+            }
         }
         let before = self.corners();
         let mut fitted = self.fit(frame);
@@ -333,9 +363,13 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
             _ => self.params.grid_passes,
         };
         for _ in 1..passes {
+            if self.enough() && self.nodes.stiff(&before, self.radius()) {
+                break;
+            }
             fitted = fitted.and_then(|()| self.refine(frame, &before));
         }
-        self.reset(frame);
+        // The next frame does it, where the object is thought to be by then.
+        self.unready = true;
         fitted?;
         Ok(Update {
             corners: self.corners(),
@@ -346,11 +380,19 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
     }
 
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
+        if self.previous.is_none() {
+            return Err(TrackError::NotInitialised);
+        }
         self.nodes.set_region(corners)?;
-        let frame = self.previous.clone().ok_or(TrackError::NotInitialised)?;
         self.lost.clear();
         self.lost.resize(self.members.len(), true);
-        self.reset(&frame);
+        self.unready = true;
+        Ok(())
+    }
+
+    fn skip(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        self.set_region(corners)?;
+        self.previous = Some(frame.clone());
         Ok(())
     }
 

@@ -143,6 +143,13 @@ impl Tracker for Guard {
         Ok(())
     }
 
+    fn skip(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        self.tracker.skip(frame, corners)?;
+        self.trusted = *corners;
+        self.doubts = 0;
+        Ok(())
+    }
+
     fn corners(&self) -> Corners {
         self.tracker.corners()
     }

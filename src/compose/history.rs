@@ -27,7 +27,8 @@ impl History {
         self.keep(frame, corners);
     }
 
-    fn keep(&mut self, frame: &Frame, corners: &Corners) {
+    /// Adds a frame and what was found in it.
+    pub fn keep(&mut self, frame: &Frame, corners: &Corners) {
         if self.gap > 0 {
             if self.frames.len() == self.gap {
                 self.frames.pop_front();

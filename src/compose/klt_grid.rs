@@ -2,11 +2,14 @@
 
 use super::nodes::{NodeParams, Nodes};
 use crate::estimate::EstimatorParams;
-use crate::flow::{Klt, KltParams, Tracked};
+use crate::flow::{Klt, KltParams, PointStatus, Tracked};
 use crate::geom::{Corners, homography};
 use crate::image::Frame;
 use crate::ssm::StateSpaceModel;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
+
+/// Highest level when the motion is small or nearly known.
+const NEAR: usize = 2;
 
 /// Tracks the nodes of a grid over the object from the last frame to the next by sparse optical flow, and fits the warp
 /// `S` to them, outliers apart. Its similarity is the fraction of the nodes that agree with the fit.
@@ -39,9 +42,35 @@ impl<S: StateSpaceModel> KltGrid<S> {
         }
     }
 
-    /// Tracks the nodes again, from where the fit has put them and through windows warped like it, and fits again; keeps
-    /// the first fit when fewer nodes agree with the second. `before`: corners in the last frame.
-    fn refine(&mut self, previous: &Frame, frame: &Frame, before: &Corners) -> Result<(), TrackError> {
+    /// Tracks the nodes on level `highest` at most, and fits.
+    fn follow(&mut self, previous: &Frame, frame: &Frame, highest: usize) -> Result<(), TrackError> {
+        let (from, tracked) = (&self.origins, &mut self.tracked);
+        self.klt.track(previous, frame, from, highest, tracked);
+        self.found.clear();
+        self.found.extend(tracked.iter().map(|t| t.ok().then_some(t.at)));
+        if self.nodes.params.grid_fb > 0.0 {
+            self.klt
+                .forward_backward(previous, frame, from, tracked, highest, &mut self.misses);
+            self.nodes.check_back(&self.misses, &mut self.found);
+        }
+        self.nodes.fit(&self.found, frame)
+    }
+
+    /// Whether so many nodes agree with the fit that it can be relied on.
+    fn enough(&self) -> bool {
+        let textured = self.tracked.iter().filter(|t| t.status != PointStatus::Flat);
+        self.nodes.enough(self.klt.params().klt_enough, textured.count())
+    }
+
+    /// Tracks the nodes again, from where the fit has put them and through windows warped like it, on level `highest` at
+    /// most, and fits again; keeps the first fit when fewer nodes agree with the second. `before`: corners in the last frame.
+    fn refine(
+        &mut self,
+        previous: &Frame,
+        frame: &Frame,
+        before: &Corners,
+        highest: usize,
+    ) -> Result<(), TrackError> {
         let (after, agreement) = (self.nodes.ssm.corners(), self.nodes.agreement());
         let Some(motion) = homography::from_corners(before, &after) else {
             return Ok(());
@@ -55,7 +84,7 @@ impl<S: StateSpaceModel> KltGrid<S> {
             }
             let (a, _) = homography::spatial_derivatives(&motion, origins[i]);
             let a = [a[(0, 0)], a[(0, 1)], a[(1, 0)], a[(1, 1)]];
-            klt.track_warped(previous, frame, origins[i], now[i], a)
+            klt.track_warped(previous, frame, origins[i], now[i], a, highest)
         });
         for (i, again) in self.again.iter().enumerate() {
             let failed = self.found[i].is_none() && self.tracked[i].ok();
@@ -85,7 +114,8 @@ impl<S: StateSpaceModel> Tracker for KltGrid<S> {
         self.nodes.init(corners)?;
         self.previous = None;
         // Points that cannot be followed where nothing moves cannot be followed at all.
-        self.klt.track(frame, frame, self.nodes.now(), &mut self.tracked);
+        self.klt
+            .track(frame, frame, self.nodes.now(), usize::MAX, &mut self.tracked);
         let good = self.tracked.iter().filter(|t| t.ok()).count();
         if good < self.nodes.ssm.capabilities().min_points {
             return Err(TrackError::Template("too few points can be followed"));
@@ -100,22 +130,34 @@ impl<S: StateSpaceModel> Tracker for KltGrid<S> {
             .previous
             .replace(frame.clone())
             .ok_or(TrackError::NotInitialised)?;
-        let now = self.nodes.now();
-        self.klt.track(&previous, frame, now, &mut self.tracked);
-        self.found.clear();
-        self.found
-            .extend(self.tracked.iter().map(|t| t.ok().then_some(t.at)));
-        if self.nodes.params.grid_fb > 0.0 {
-            self.klt
-                .forward_backward(&previous, frame, now, &self.tracked, &mut self.misses);
-            self.nodes.check_back(&self.misses, &mut self.found);
-        }
         let before = self.corners();
         self.origins.clear();
         self.origins.extend_from_slice(self.nodes.now());
-        self.nodes.fit(&self.found, frame)?;
-        for _ in 1..self.klt.params().klt_passes {
-            self.refine(&previous, frame, &before)?;
+        let KltParams {
+            klt_passes,
+            klt_levels,
+            klt_enough,
+            klt_window,
+            ..
+        } = *self.klt.params();
+        // Most motion is small: only where it is not is all of the pyramid worth its time.
+        let mut done = false;
+        if klt_enough > 0.0 && klt_levels > NEAR {
+            self.nodes.save();
+            done = self.follow(&previous, frame, NEAR).is_ok() && self.enough();
+            if !done {
+                self.nodes.restore()?;
+            }
+        }
+        if !done {
+            self.follow(&previous, frame, usize::MAX)?;
+        }
+        for _ in 1..klt_passes {
+            let near = self.enough();
+            if near && self.nodes.stiff(&before, klt_window as f64 / 2.0) {
+                break;
+            }
+            self.refine(&previous, frame, &before, if near { 0 } else { NEAR })?;
         }
         Ok(Update {
             corners: self.corners(),
@@ -127,6 +169,12 @@ impl<S: StateSpaceModel> Tracker for KltGrid<S> {
 
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
         self.nodes.set_region(corners)
+    }
+
+    fn skip(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        self.nodes.set_region(corners)?;
+        self.previous = Some(frame.clone());
+        Ok(())
     }
 
     fn corners(&self) -> Corners {

@@ -60,6 +60,9 @@ impl<S: StateSpaceModel> Tracker for LineTracker<S> {
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
         self.grid.set_region(corners)
     }
+    fn skip(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        self.grid.skip(frame, corners)
+    }
     fn corners(&self) -> Corners {
         self.grid.corners()
     }

@@ -316,16 +316,16 @@ impl ShortEntry {
     }
 }
 
-/// Patches of the named appearance model around the nodes of a grid, from frame to frame over a pyramid, and then those of
-/// the first frame, which take the drift away.
+/// Patches of the named appearance model around the nodes of a grid: those of the first frame where the object was, and, when
+/// these do not agree, those of the last frame over a pyramid before them.
 macro_rules! patches {
     ($estimator:literal) => {
         concat!(
             "rklt(grid(pyramid(iclk/{am}/translation{res=15x15}; levels=5, widen=true); ssm={ssm}, patch_size=21, estimator=",
             $estimator,
-            "), grid(fclk/{am}/translation{res=20x20}; ssm={ssm}, grid_reset=fixed, estimator=",
+            "), grid(iclk/{am}/translation{res=15x15,epsilon=0.01}; ssm={ssm}, grid_reset=fixed, estimator=",
             $estimator,
-            "))"
+            "); rkl_enough=0.7)"
         )
     };
 }

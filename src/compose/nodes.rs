@@ -24,6 +24,11 @@ crate::params! {
 
 /// Largest RMS misfit, px, at which a region that is set keeps the base frame.
 const KEEP_BASE: f64 = 0.5;
+/// Largest misfit of a node that agrees with a fit, and of one that is found where it puts it, px.
+const APART: f64 = 5.0;
+const CLOSE: f64 = 1.5;
+/// Change of a window's shape that shifts where it is found too little to matter, px.
+const BENT: f64 = 0.25;
 
 /// Nodes, warp and estimator.
 pub(super) struct Nodes<S> {
@@ -39,9 +44,12 @@ pub(super) struct Nodes<S> {
     inliers: Vec<bool>,
     from: Vec<[f64; 2]>,
     to: Vec<[f64; 2]>,
+    sorted: Vec<f64>,
     /// State and inliers to go back to.
     before: Vec<f64>,
-    saved: (Vec<f64>, Vec<bool>),
+    saved: (Vec<f64>, Vec<bool>, usize),
+    /// How many nodes were found where the last fit puts them.
+    close: usize,
     /// From the base to the present state, where corners tell all.
     matrix: Mat3,
 }
@@ -58,8 +66,10 @@ impl<S: StateSpaceModel> Nodes<S> {
             inliers: Vec::new(),
             from: Vec::new(),
             to: Vec::new(),
+            sorted: Vec::new(),
             before: Vec::new(),
-            saved: (Vec::new(), Vec::new()),
+            saved: (Vec::new(), Vec::new(), 0),
+            close: 0,
             matrix: Mat3::identity(),
         }
     }
@@ -141,6 +151,26 @@ impl<S: StateSpaceModel> Nodes<S> {
         self.inliers.iter().filter(|i| **i).count() as f64 / self.inliers.len().max(1) as f64
     }
 
+    /// Whether windows that reach `radius` px from nodes keep their shape, to `BENT` px, in the motion from corners `before`
+    /// to the present ones.
+    pub fn stiff(&self, before: &Corners, radius: f64) -> bool {
+        let Some(motion) = homography::from_corners(before, &self.ssm.corners()) else {
+            return false;
+        };
+        // Perspective warps most at a corner.
+        before.0.iter().all(|&x| {
+            let (a, _) = homography::spatial_derivatives(&motion, x);
+            let row =
+                |i: usize, a: f64, b: f64| (a - f64::from(i == 0)).abs() + (b - f64::from(i == 1)).abs();
+            radius * row(0, a[(0, 0)], a[(0, 1)]).max(row(1, a[(1, 0)], a[(1, 1)])) <= BENT
+        })
+    }
+
+    /// Whether at least `share` of `count` nodes were found where the last fit puts them; never when that is 0.
+    pub fn enough(&self, share: f64, count: usize) -> bool {
+        share > 0.0 && self.close as f64 >= share * count as f64
+    }
+
     pub fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
         if !self.started() {
             return Err(TrackError::NotInitialised);
@@ -162,7 +192,7 @@ impl<S: StateSpaceModel> Nodes<S> {
 
     /// Drops the nodes in `found` that miss their origin by more than the limit; as many of the least as determine the
     /// warp are kept.
-    pub fn check_back(&self, misses: &[f64], found: &mut [Option<[f64; 2]>]) {
+    pub fn check_back(&mut self, misses: &[f64], found: &mut [Option<[f64; 2]>]) {
         let least = self.ssm.capabilities().min_points;
         let good = |d: f64| d <= self.params.grid_fb;
         let sound = |(d, f): (&f64, &Option<_>)| f.is_some() && good(*d);
@@ -175,12 +205,11 @@ impl<S: StateSpaceModel> Nodes<S> {
             < least
         {
             let finite = misses.iter().zip(found.iter());
-            let mut all: Vec<f64> = finite
-                .filter(|(d, f)| f.is_some() && d.is_finite())
-                .map(|p| *p.0)
-                .collect();
-            all.sort_unstable_by(f64::total_cmp);
-            limit = all.get(least - 1).copied().unwrap_or(f64::MAX);
+            let finite = finite.filter(|(d, f)| f.is_some() && d.is_finite());
+            self.sorted.clear();
+            self.sorted.extend(finite.map(|p| *p.0));
+            self.sorted.sort_unstable_by(f64::total_cmp);
+            limit = self.sorted.get(least - 1).copied().unwrap_or(f64::MAX);
         }
         for (d, f) in misses.iter().zip(found) {
             if d.is_nan() || *d > limit {
@@ -200,6 +229,7 @@ impl<S: StateSpaceModel> Nodes<S> {
             }
         }
         self.inliers.fill(false);
+        self.close = 0;
         if self.from.len() < self.ssm.capabilities().min_points {
             return Err(TrackError::Degenerate("too few points were found"));
         }
@@ -213,8 +243,13 @@ impl<S: StateSpaceModel> Nodes<S> {
             return Err(TrackError::Degenerate("region is more than four times the image"));
         }
         let mut agreed = self.estimator.inliers().iter();
-        for (inlier, f) in self.inliers.iter_mut().zip(found) {
-            *inlier = f.is_some() && agreed.next().copied().unwrap_or(false);
+        for ((inlier, f), x) in self.inliers.iter_mut().zip(found).zip(&self.now) {
+            if let Some(f) = f {
+                let apart = (f[0] - x[0]).powi(2) + (f[1] - x[1]).powi(2);
+                // What does not agree to a few pixels does not, whatever the others do.
+                *inlier = agreed.next().copied().unwrap_or(false) && apart <= APART * APART;
+                self.close += usize::from(*inlier && apart <= CLOSE * CLOSE);
+            }
         }
         Ok(())
     }
@@ -224,12 +259,14 @@ impl<S: StateSpaceModel> Nodes<S> {
         self.saved.0.clear();
         self.saved.0.extend_from_slice(self.ssm.state());
         self.saved.1.clone_from(&self.inliers);
+        self.saved.2 = self.close;
     }
 
     /// Goes back to the fit that was remembered.
     pub fn restore(&mut self) -> Result<(), TrackError> {
         self.ssm.set_state(&self.saved.0)?;
         self.inliers.copy_from_slice(&self.saved.1);
+        self.close = self.saved.2;
         self.follow()
     }
 

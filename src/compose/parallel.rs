@@ -187,6 +187,15 @@ impl Tracker for Parallel {
         Ok(())
     }
 
+    fn skip(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        self.history.keep(frame, corners);
+        self.members
+            .iter_mut()
+            .try_for_each(|member| member.skip(frame, corners))?;
+        self.corners = *corners;
+        Ok(())
+    }
+
     fn corners(&self) -> Corners {
         self.corners
     }

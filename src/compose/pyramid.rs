@@ -85,10 +85,15 @@ impl Pyramid {
         Some(homography::apply_corners(&motion, &self.base))
     }
 
+    /// Where level `k` is to go, px of the level.
+    fn target(&self, k: usize, corners: &Corners) -> Result<Corners, TrackError> {
+        self.down(corners, k)
+            .ok_or(TrackError::BadRegion("corners are not a convex quadrilateral"))
+    }
+
     /// Moves level `k` to where the region is. A level that cannot go there searches from where it was.
     fn move_level(&mut self, k: usize, corners: &Corners) -> Result<(), TrackError> {
-        let seen = self.down(corners, k);
-        let seen = seen.ok_or(TrackError::BadRegion("corners are not a convex quadrilateral"))?;
+        let seen = self.target(k, corners)?;
         self.levels[k].set_region(&seen)
     }
 
@@ -156,6 +161,14 @@ impl Tracker for Pyramid {
 
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
         (0..self.used).try_for_each(|k| self.move_level(k, corners))
+    }
+
+    fn skip(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        (0..self.used).try_for_each(|k| {
+            let seen = self.target(k, corners)?;
+            let level = self.level(frame, k);
+            self.levels[k].skip(level, &seen)
+        })
     }
 
     fn corners(&self) -> Corners {

@@ -15,8 +15,14 @@ crate::params! {
         rkl_failure_detection: bool = true;
         /// Root of the summed squared corner distances beyond which the template has failed, px.
         rkl_failure_thresh: f64 = 40.0, in 0.0..=1e4;
+        /// Similarity of the template tracker's, in its own units, from which its answer is enough that starts where the object
+        /// was: the leader is not asked then. 1e30: never.
+        rkl_enough: f64 = NEVER, in -NEVER..=NEVER;
     }
 }
+
+/// No similarity is as large.
+const NEVER: f64 = 1e30;
 
 /// A leader and a template tracker.
 pub struct Rklt {
@@ -36,6 +42,25 @@ impl Rklt {
             corners: Corners::default(),
         }
     }
+
+    /// The template tracker's answer from `start` on.
+    fn correct(&mut self, frame: &Frame, start: &Corners) -> Result<Update, TrackError> {
+        if self.template.corners() != *start {
+            self.template.set_region(start)?;
+        }
+        self.template.update(frame)
+    }
+
+    /// The template tracker's answer from where the object was, when that is enough.
+    fn alone(&mut self, frame: &Frame) -> Option<Update> {
+        if self.params.rkl_enough >= NEVER {
+            return None;
+        }
+        let start = self.corners;
+        let update = self.correct(frame, &start).ok()?;
+        (update.similarity >= self.params.rkl_enough && self.leader.skip(frame, &update.corners).is_ok())
+            .then_some(update)
+    }
 }
 
 impl Tracker for Rklt {
@@ -47,13 +72,17 @@ impl Tracker for Rklt {
     }
 
     fn update(&mut self, frame: &Frame) -> Result<Update, TrackError> {
+        if let Some(update) = self.alone(frame) {
+            self.corners = update.corners;
+            return Ok(Update {
+                stop: Stop::Done,
+                ..update
+            });
+        }
         let led = self.leader.update(frame);
         // Without a leader the template starts from where the object was.
         let start = led.as_ref().map_or(self.corners, |u| u.corners);
-        let corrected = self
-            .template
-            .set_region(&start)
-            .and_then(|()| self.template.update(frame));
+        let corrected = self.correct(frame, &start);
         let trusted = |u: &Update| {
             let apart = u.corners.distance_squared(&start).sqrt();
             led.is_err() || !self.params.rkl_failure_detection || apart <= self.params.rkl_failure_thresh
@@ -80,6 +109,13 @@ impl Tracker for Rklt {
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
         self.leader.set_region(corners)?;
         self.template.set_region(corners)?;
+        self.corners = *corners;
+        Ok(())
+    }
+
+    fn skip(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        self.leader.skip(frame, corners)?;
+        self.template.skip(frame, corners)?;
         self.corners = *corners;
         Ok(())
     }

@@ -21,6 +21,9 @@ crate::params! {
         klt_min_ncc: f64 = 0.3, in -1.0..=1.0;
         /// Grids of points: passes over each frame, all but the first with windows warped as the fit before says.
         klt_passes: usize = 2, in 1..=10;
+        /// Grids of points: share of those with texture that must agree after one pass over the lowest levels for the rest to be
+        /// left out; 0: it never is.
+        klt_enough: f64 = 0.85, in 0.0..=1.0;
         /// Points whose window has a structure matrix (mean of ∇I ∇Iᵀ) with a smaller eigenvalue are lost, (intensity/px)².
         klt_min_eigen: f64 = 0.1, in 0.0..=1e6;
     }
@@ -65,8 +68,6 @@ const COARSE_EPSILON: f64 = 0.03;
 const COARSE_SLACK: f64 = 2.0;
 /// Steps that undo the last one within this end the iterations half way, px.
 const OSCILLATION: f64 = 0.01;
-/// Highest level when the motion is nearly known.
-const NEAR_LEVEL: usize = 2;
 /// Windows are not seen through maps with larger entries.
 const MAX_STRETCH: f64 = 4.0;
 /// Least fraction of a window's samples inside the image.
@@ -102,10 +103,17 @@ impl Klt {
     }
 
     /// Where the points `from` (px) of frame `first` are in frame `second`, in order, into `out`. The search starts
-    /// where they were.
-    pub fn track(&mut self, first: &Frame, second: &Frame, from: &[[f64; 2]], out: &mut Vec<Tracked>) {
+    /// where they were, on level `highest` at most.
+    pub fn track(
+        &mut self,
+        first: &Frame,
+        second: &Frame,
+        from: &[[f64; 2]],
+        highest: usize,
+        out: &mut Vec<Tracked>,
+    ) {
         self.track_each(from.len(), out, |klt, i| {
-            klt.track_point(first, second, from[i], from[i])
+            klt.descend(first, second, from[i], from[i], None, highest)
         });
     }
 
@@ -139,11 +147,12 @@ impl Klt {
 
     /// One point, searched from `guess` on.
     pub fn track_point(&mut self, first: &Frame, second: &Frame, x: [f64; 2], guess: [f64; 2]) -> Tracked {
-        self.descend(first, second, x, guess, None)
+        self.descend(first, second, x, guess, None, usize::MAX)
     }
 
     /// One point near `guess` whose surroundings move by the 2x2 matrix `a` (row-major): what is at `x + d` in the first
-    /// frame is at `guess + a d` in the second. The window of the first frame is seen through `a`.
+    /// frame is at `guess + a d` in the second. The window of the first frame is seen through `a`. The search starts on
+    /// level `highest` at most.
     pub fn track_warped(
         &mut self,
         first: &Frame,
@@ -151,11 +160,18 @@ impl Klt {
         x: [f64; 2],
         guess: [f64; 2],
         a: [f64; 4],
+        highest: usize,
     ) -> Tracked {
         let det = a[0] * a[3] - a[1] * a[2];
         let back = [a[3] / det, -a[1] / det, -a[2] / det, a[0] / det];
         let sound = back.iter().all(|v| v.abs() < MAX_STRETCH);
-        self.descend(first, second, x, guess, sound.then_some(back))
+        // A map that is of no use says nothing about the motion either.
+        let (back, highest) = if sound {
+            (Some(back), highest)
+        } else {
+            (None, usize::MAX)
+        };
+        self.descend(first, second, x, guess, back, highest)
     }
 
     fn descend(
@@ -165,8 +181,8 @@ impl Klt {
         x: [f64; 2],
         guess: [f64; 2],
         back: Option<[f64; 4]>,
+        highest: usize,
     ) -> Tracked {
-        let highest = if back.is_some() { NEAR_LEVEL } else { usize::MAX };
         let top = self
             .params
             .klt_levels
@@ -274,20 +290,21 @@ impl Klt {
     }
 
     /// Squared distance, px², by which each point misses its origin when it is tracked back from `second` to `first`;
-    /// infinite for points that are lost on the way.
+    /// infinite for points that are lost on the way. On level `highest` at most.
     pub fn forward_backward(
         &mut self,
         first: &Frame,
         second: &Frame,
         from: &[[f64; 2]],
         tracked: &[Tracked],
+        highest: usize,
         out: &mut Vec<f64>,
     ) {
         let mut ahead = std::mem::take(&mut self.ahead);
         let mut back = std::mem::take(&mut self.back);
         ahead.clear();
         ahead.extend(tracked.iter().map(|t| t.at));
-        self.track(second, first, &ahead, &mut back);
+        self.track(second, first, &ahead, highest, &mut back);
         out.clear();
         out.extend(from.iter().zip(tracked).zip(&back).map(|((x, t), b)| {
             if t.ok() && b.ok() {
@@ -410,13 +427,13 @@ mod tests {
         for t in [[0.3, -0.7], [3.4, 2.2], [-11.6, 7.3], [24.5, -18.25]] {
             let second = frame(IDENTITY, t);
             let (mut klt, mut out, mut back) = (Klt::new(KltParams::default()), Vec::new(), Vec::new());
-            klt.track(&first, &second, &points(), &mut out);
+            klt.track(&first, &second, &points(), usize::MAX, &mut out);
             for (x, p) in points().iter().zip(&out) {
                 assert!(p.ok(), "{t:?} {p:?}");
                 let miss = (p.at[0] - x[0] - t[0]).hypot(p.at[1] - x[1] - t[1]);
                 assert!(miss < 0.05 && p.residual < 2.0, "{t:?} {miss} {p:?}");
             }
-            klt.forward_backward(&first, &second, &points(), &out, &mut back);
+            klt.forward_backward(&first, &second, &points(), &out, usize::MAX, &mut back);
             assert!(back.iter().all(|d| *d < 0.05 * 0.05), "{back:?}");
         }
     }
@@ -427,7 +444,7 @@ mod tests {
         let t = [2.0, -5.0];
         let (first, second) = (frame(IDENTITY, [0.0; 2]), frame(a, t));
         let (mut klt, mut out) = (Klt::new(KltParams::default()), Vec::new());
-        klt.track(&first, &second, &points(), &mut out);
+        klt.track(&first, &second, &points(), usize::MAX, &mut out);
         let misses: Vec<f64> = points()
             .iter()
             .zip(&out)
@@ -457,11 +474,11 @@ mod tests {
             let want = map(x);
             let guess = [want[0] + 2.0, want[1] - 1.5];
             let near = |p: Tracked| p.ok() && (p.at[0] - want[0]).hypot(p.at[1] - want[1]) < 0.05;
-            assert!(near(klt.track_warped(&first, &second, x, guess, a)), "{x:?}");
+            assert!(near(klt.track_warped(&first, &second, x, guess, a, 2)), "{x:?}");
             assert!(!near(klt.track_point(&first, &second, x, guess)), "{x:?}");
         }
         // A map that is none.
-        let lost = klt.track_warped(&first, &first, [150.0, 120.0], [150.0, 120.0], [0.0; 4]);
+        let lost = klt.track_warped(&first, &first, [150.0, 120.0], [150.0, 120.0], [0.0; 4], 2);
         assert!(lost.ok());
     }
 
@@ -474,7 +491,7 @@ mod tests {
                 ..KltParams::default()
             });
             let mut out = Vec::new();
-            klt.track(&first, &second, &points(), &mut out);
+            klt.track(&first, &second, &points(), usize::MAX, &mut out);
             let near = |(x, p): &(&[f64; 2], &Tracked)| {
                 p.ok() && (p.at[0] - x[0] - 22.0).hypot(p.at[1] - x[1] - 9.0) < 0.1
             };
@@ -526,7 +543,7 @@ mod tests {
             let mut out = Vec::new();
             let times = (0..200).map(|_| {
                 let start = std::time::Instant::now();
-                klt.track(&first, &second, &points(), &mut out);
+                klt.track(&first, &second, &points(), usize::MAX, &mut out);
                 start.elapsed()
             });
             println!("100 points, levels 0..={klt_levels}: {:?}", times.skip(1).min());

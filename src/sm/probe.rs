@@ -17,6 +17,8 @@ pub(crate) struct Probe<A, S> {
     pub am: A,
     pub ssm: S,
     started: bool,
+    /// State to go back to.
+    before: Vec<f64>,
 }
 
 /// A similarity that is a number.
@@ -35,6 +37,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Probe<A, S> {
             am,
             ssm,
             started: false,
+            before: Vec::new(),
         }
     }
 
@@ -116,7 +119,8 @@ impl<A: AppearanceModel, S: StateSpaceModel> Probe<A, S> {
     /// Returns the homography from the old base corners to the new ones (image pixels) in the latter case.
     pub fn set_region(&mut self, corners: &Corners) -> Result<Option<Mat3>, TrackError> {
         self.check_started()?;
-        let before = self.ssm.state().to_vec();
+        self.before.clear();
+        self.before.extend_from_slice(self.ssm.state());
         if self
             .ssm
             .fit_corners(corners)
@@ -124,7 +128,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Probe<A, S> {
         {
             return Ok(None);
         }
-        self.ssm.set_state(&before)?;
+        self.ssm.set_state(&self.before)?;
         let old = self.ssm.base_corners();
         self.ssm.rebase(corners)?;
         Ok(crate::geom::homography::from_corners(&old, corners))
