@@ -82,8 +82,8 @@ pub struct Information<K> {
     template_gradient: Vec<f32>,
     f_max: f64,
     work: Work,
-    /// For distances.
-    other: RefCell<Pair<K>>,
+    /// For distances: the pair, and the query it has in bins.
+    other: RefCell<(Pair<K>, Vec<f32>)>,
 }
 
 /// A window and its first two derivatives.
@@ -400,10 +400,20 @@ impl<K: Kind> AppearanceModel for Information<K> {
     }
     /// `-f` of the two patches; binning them again costs less than reading nine numbers per value from memory.
     fn distance(&self, query: &[f32], stored: &[f32], _bound: f32) -> f32 {
-        let mut pair = self.other.borrow_mut();
+        let (pair, known) = &mut *self.other.borrow_mut();
         pair.resize(query.len(), self.bins());
-        pair.set_template(stored);
-        pair.set_current(query, self.settings.seed);
+        if K::CUMULATIVE {
+            pair.set_template(stored);
+            pair.set_current(query, self.settings.seed);
+        } else {
+            // Both patches are alike to the measure: the query, which is compared with many, is prepared once.
+            if known != query {
+                known.clear();
+                known.extend_from_slice(query);
+                pair.set_template(query);
+            }
+            pair.set_current(stored, self.settings.seed);
+        }
         -pair.joint.f as f32
     }
     fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
@@ -432,7 +442,7 @@ impl<K: Kind> AppearanceModel for Information<K> {
     }
     fn memory(&self) -> usize {
         let histograms = 5 * 16 * self.bins() * self.bins();
-        52 * self.n + histograms + self.work.memory()
+        56 * self.n + histograms + self.work.memory()
     }
 }
 

@@ -122,7 +122,7 @@ pub(super) struct Pair<K> {
     pub template: Binned,
     /// `β` of the template, four weights per value.
     pub template_rows: Vec<f32>,
-    /// Counts of the template's bins.
+    /// Counts of the template's bins; cumulative histograms have no need of them.
     template_counts: Vec<f64>,
     pub current: Binned,
     /// Pair of buckets of each value.
@@ -147,14 +147,17 @@ impl<K: Kind> Pair<K> {
 
     pub fn set_template(&mut self, patch: &[f32]) {
         self.template.set(patch, self.buckets);
-        self.template.sum_moments();
         hist::window_rows(
             &hist::narrow(&SPLINE),
             &self.template.tau,
             &mut self.template_rows,
         );
-        self.template_counts.fill(0.0);
-        self.template.add_marginal(&mut self.template_counts);
+        // Cumulative histograms have these as a by-product.
+        if !K::CUMULATIVE {
+            self.template.sum_moments();
+            self.template_counts.fill(0.0);
+            self.template.add_marginal(&mut self.template_counts);
+        }
     }
 
     pub fn set_current(&mut self, patch: &[f32], seed: f64) {
@@ -176,7 +179,9 @@ impl<K: Kind> Pair<K> {
         );
         let (bins, stride) = (self.joint.bins, 8 * vectors::<K>());
         self.joint.clear();
-        self.joint.marginal.copy_from_slice(&self.template_counts);
+        if !K::CUMULATIVE {
+            self.joint.marginal.copy_from_slice(&self.template_counts);
+        }
         let c = &mut self.joint.c;
         for (cell, sums) in self
             .sums
@@ -192,12 +197,10 @@ impl<K: Kind> Pair<K> {
                     .for_each(|(c, &v)| *c += f64::from(v));
             }
             if K::CUMULATIVE {
-                for k in 0..b {
-                    let row = &mut c[k * bins + t..];
-                    row.iter_mut()
-                        .zip(&sums[16..16 + SUPPORT])
-                        .for_each(|(c, &v)| *c += f64::from(v));
-                }
+                let counts = &sums[16..16 + SUPPORT];
+                let add = |row: &mut [f64]| row.iter_mut().zip(counts).for_each(|(c, &v)| *c += f64::from(v));
+                add(&mut self.joint.marginal[t..]);
+                (0..b).for_each(|k| add(&mut c[k * bins + t..]));
             }
         }
         self.joint.finish(patch.len(), seed);
