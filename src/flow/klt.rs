@@ -485,19 +485,20 @@ mod tests {
     #[test]
     fn the_pyramid_reaches_farther() {
         let (first, second) = (frame(IDENTITY, [0.0; 2]), frame(IDENTITY, [22.0, 9.0]));
-        let found = |klt_levels| {
+        let found = |klt_levels, highest| {
             let mut klt = Klt::new(KltParams {
                 klt_levels,
                 ..KltParams::default()
             });
             let mut out = Vec::new();
-            klt.track(&first, &second, &points(), usize::MAX, &mut out);
+            klt.track(&first, &second, &points(), highest, &mut out);
             let near = |(x, p): &(&[f64; 2], &Tracked)| {
                 p.ok() && (p.at[0] - x[0] - 22.0).hypot(p.at[1] - x[1] - 9.0) < 0.1
             };
             points().iter().zip(&out).filter(near).count()
         };
-        let counts = [found(0), found(4)];
+        assert_eq!(found(0, usize::MAX), found(4, 0));
+        let counts = [found(0, usize::MAX), found(4, usize::MAX)];
         assert!(counts[0] < 20 && counts[1] > 80, "{counts:?}");
     }
 
