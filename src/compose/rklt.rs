@@ -1,6 +1,6 @@
 //! RKLT: a tracker that follows from frame to frame (a grid with a robust fit) leads, one with a fixed template corrects
-//! its drift (Zhang, Singh & Jagersand 2015). When the two end far apart the template has failed, and the leader's answer
-//! stands.
+//! its drift (Zhang, Singh & Jagersand 2015). When the two end far apart one has failed: the leader, if the template tracker
+//! sees the object as well as ever from where it was, or else the template, and the leader's answer stands.
 
 use crate::geom::Corners;
 use crate::image::Frame;
@@ -24,12 +24,17 @@ crate::params! {
 /// No similarity is as large.
 const NEVER: f64 = 1e30;
 
+/// Share of the usual similarity that may be missing where the object is seen as well as ever.
+const LESS: f64 = 0.1;
+
 /// A leader and a template tracker.
 pub struct Rklt {
     params: RkltParams,
     leader: Box<dyn Tracker>,
     template: Box<dyn Tracker>,
     corners: Corners,
+    /// Similarity of the template tracker's answer when it was last believed.
+    usual: f64,
 }
 
 impl Rklt {
@@ -40,6 +45,7 @@ impl Rklt {
             leader,
             template,
             corners: Corners::default(),
+            usual: f64::INFINITY,
         }
     }
 
@@ -51,15 +57,21 @@ impl Rklt {
         self.template.update(frame)
     }
 
-    /// The template tracker's answer from where the object was, when that is enough.
+    /// The template tracker's answer from where the object was, when its similarity is at least `least`.
+    fn stay(&mut self, frame: &Frame, least: f64) -> Option<Update> {
+        let start = self.corners;
+        let update = self.correct(frame, &start).ok();
+        update.filter(|u| u.similarity >= least)
+    }
+
+    /// An answer for which the leader is not needed.
     fn alone(&mut self, frame: &Frame) -> Option<Update> {
         if self.params.rkl_enough >= NEVER {
             return None;
         }
-        let start = self.corners;
-        let update = self.correct(frame, &start).ok()?;
-        (update.similarity >= self.params.rkl_enough && self.leader.skip(frame, &update.corners).is_ok())
-            .then_some(update)
+        let update = self.stay(frame, self.params.rkl_enough)?;
+        let told = self.leader.skip(frame, &update.corners);
+        told.is_ok().then_some(update)
     }
 }
 
@@ -68,12 +80,14 @@ impl Tracker for Rklt {
         self.leader.init(frame, corners)?;
         self.template.init(frame, corners)?;
         self.corners = *corners;
+        self.usual = f64::INFINITY;
         Ok(())
     }
 
     fn update(&mut self, frame: &Frame) -> Result<Update, TrackError> {
         if let Some(update) = self.alone(frame) {
             self.corners = update.corners;
+            self.usual = update.similarity;
             return Ok(Update {
                 stop: Stop::Done,
                 ..update
@@ -82,23 +96,25 @@ impl Tracker for Rklt {
         let led = self.leader.update(frame);
         // Without a leader the template starts from where the object was.
         let start = led.as_ref().map_or(self.corners, |u| u.corners);
-        let corrected = self.correct(frame, &start);
-        let trusted = |u: &Update| {
-            let apart = u.corners.distance_squared(&start).sqrt();
-            led.is_err() || !self.params.rkl_failure_detection || apart <= self.params.rkl_failure_thresh
-        };
-        let iterations =
-            led.as_ref().map_or(0, |u| u.iterations) + corrected.as_ref().map_or(0, |u| u.iterations);
-        let mut update = match (corrected, led) {
-            (Ok(u), _) if trusted(&u) => {
+        let mut corrected = self.correct(frame, &start).ok();
+        if led.is_ok() && self.params.rkl_failure_detection {
+            let apart = |u: &Update| u.corners.distance_squared(&start).sqrt();
+            corrected = corrected.filter(|u| apart(u) <= self.params.rkl_failure_thresh);
+            if corrected.is_none() {
+                corrected = self.stay(frame, self.usual - LESS * self.usual.abs());
+            }
+        }
+        let iterations = led.as_ref().map_or(0, |u| u.iterations) + corrected.map_or(0, |u| u.iterations);
+        let mut update = match corrected {
+            Some(u) => {
+                self.usual = u.similarity;
                 if self.params.rkl_feedback {
                     // A leader that cannot go there goes on from its own answer.
                     let _ = self.leader.set_region(&u.corners);
                 }
                 u
             }
-            (_, Ok(u)) => u,
-            (_, Err(e)) => return Err(e),
+            None => led?,
         };
         update.stop = Stop::Done;
         update.iterations = iterations;
@@ -140,5 +156,76 @@ impl Tracker for Rklt {
 
     fn memory(&self) -> usize {
         self.leader.memory() + self.template.memory()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Image;
+    use crate::tracker::Tracker;
+
+    const START: Corners = Corners([[10.0, 10.0], [50.0, 10.0], [50.0, 40.0], [10.0, 40.0]]);
+
+    /// Goes as far right as it is told, frame by frame, or, when it starts within 20 px of where it should be, there.
+    struct Mover {
+        at: Corners,
+        steps: Vec<f64>,
+        truth: Option<Corners>,
+    }
+
+    impl Tracker for Mover {
+        fn init(&mut self, _: &Frame, corners: &Corners) -> Result<(), TrackError> {
+            self.at = *corners;
+            Ok(())
+        }
+        fn update(&mut self, _: &Frame) -> Result<Update, TrackError> {
+            let near = self.truth.filter(|t| t.mean_distance(&self.at) < 20.0);
+            let step = self.steps.pop().unwrap_or(60.0);
+            self.at = near.unwrap_or(self.at.translated(step, 0.0));
+            Ok(Update {
+                corners: self.at,
+                stop: Stop::Converged,
+                iterations: 1,
+                similarity: if near.is_some() { 0.95 } else { 0.5 },
+            })
+        }
+        fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
+            self.at = *corners;
+            Ok(())
+        }
+        fn corners(&self) -> Corners {
+            self.at
+        }
+    }
+
+    /// Where two frames end in which the leader goes 5 px and then `leap`, and the object is at `truth`.
+    fn end(leap: f64, truth: Corners) -> Corners {
+        let mover = |steps: Vec<f64>, truth| -> Box<dyn Tracker> {
+            Box::new(Mover {
+                at: START,
+                steps,
+                truth,
+            })
+        };
+        let (leader, template) = (mover(vec![leap, 5.0], None), mover(Vec::new(), Some(truth)));
+        let mut tracker = Rklt::new(RkltParams::default(), leader, template);
+        let frame = Frame::from_gray(Image::new(64, 64, 1));
+        tracker.init(&frame, &START).unwrap();
+        tracker.update(&frame).unwrap();
+        let corners = tracker.update(&frame).unwrap().corners;
+        assert_eq!(corners, tracker.corners());
+        corners
+    }
+
+    #[test]
+    fn the_one_that_fails_is_not_believed() {
+        let near = START.translated(7.0, 0.0);
+        assert_eq!(end(4.0, near), near);
+        // The leader leaps away, and the template tracker finds nothing there.
+        assert_eq!(end(200.0, near), near);
+        // Nothing is found anywhere.
+        let gone = START.translated(900.0, 0.0);
+        assert_eq!(end(200.0, gone), START.translated(205.0, 0.0));
     }
 }
