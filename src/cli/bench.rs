@@ -23,8 +23,8 @@ const TELL_EVERY: Duration = Duration::from_secs(5);
 
 /// Measure the speed of trackers on one core
 ///
-/// The time of each update alone, over frames that are decoded and filtered beforehand; the least of several passes for
-/// each frame, because that is what the machine can do undisturbed. Settings and defaults are those of `run`, but for
+/// The time of each update alone, over frames that are decoded, filtered and read once beforehand; the least of several
+/// passes for each frame, because that is what the machine can do undisturbed. Settings and defaults are those of `run`, but for
 /// --max-frames, which is 300. On a machine with other work to do, `taskset -c N` keeps the program on one core.
 #[derive(clap::Args, Debug)]
 pub struct BenchArgs {
