@@ -163,7 +163,6 @@ impl Tracker for Rklt {
 mod tests {
     use super::*;
     use crate::image::Image;
-    use crate::tracker::Tracker;
 
     const START: Corners = Corners([[10.0, 10.0], [50.0, 10.0], [50.0, 40.0], [10.0, 40.0]]);
 
