@@ -6,7 +6,9 @@
 //! if the others are covered or outside the image.
 
 mod align;
+mod scan;
 mod seek;
+mod smear;
 mod view;
 
 use super::feature::{FeatureParams, FeatureTracker};
@@ -18,6 +20,8 @@ use crate::image::Frame;
 use crate::ssm::Homography;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use align::{Aligner, Score};
+use scan::{Found, Scanner};
+use seek::Candidate;
 use std::collections::VecDeque;
 
 crate::params! {
@@ -51,11 +55,23 @@ const FOUND_AGAIN: (f64, f64) = (0.8, 0.33);
 const FEW: usize = 5;
 /// What is usual before anything has been found: then the absolute limit decides.
 const USUAL: (f64, f64) = (1.0, 0.0);
+/// Total from which there is no doubt that the object is where it seems to be.
+const SURE: f64 = 0.45;
+/// Motion between frames from which blur tells of the exposure, px; how many exposures are tried, what they must be better
+/// by, and how far they are followed.
+const FAST: f64 = 8.0;
+const EXPOSURES: usize = 5;
+const SURER: f64 = 0.01;
+const FOLLOW: f64 = 0.5;
 /// The tracker `best`; its similarity is the mean of the cubed correlations of the template's blocks, 0 to 1 (blocks
 /// outside the image count less).
 pub struct Best {
     params: BestParams,
     aligner: Aligner,
+    scanner: Scanner,
+    /// Places of a scan, and those aligned coarsely.
+    places: Vec<Found>,
+    coarse: Vec<Candidate>,
     pose: Mat3,
     /// Motion in the image from the frame before the last to the last.
     motion: Mat3,
@@ -105,6 +121,9 @@ impl Best {
         Best {
             params,
             aligner: Aligner::default(),
+            scanner: Scanner::default(),
+            places: Vec::new(),
+            coarse: Vec::new(),
             pose: Mat3::identity(),
             motion: Mat3::identity(),
             previous: None,
@@ -165,6 +184,26 @@ impl Best {
             && score.agree >= AGREEING.1
     }
 
+    /// Looks for the exposure that explains best how an object that moves fast is blurred.
+    fn learn_exposure(&mut self, frame: &Frame, pose: &Mat3) {
+        let judge = self.params.best_judge;
+        if self.aligner.way(pose) < FAST {
+            return;
+        }
+        let now = self.aligner.smear.exposure;
+        let mut best = (self.aligner.assess(frame, pose, judge).total + SURER, now);
+        for k in 0..=EXPOSURES {
+            let e = k as f64 / EXPOSURES as f64;
+            self.aligner.smear.exposure = e;
+            let total = self.aligner.assess(frame, pose, judge).total;
+            if total > best.0 {
+                best = (total, e);
+            }
+        }
+        if std::env::var("EXP").is_ok() { eprintln!("exposure {now} best {best:?} way {}", self.aligner.way(pose)); }
+        self.aligner.smear.exposure = now + FOLLOW * (best.1 - now);
+    }
+
     /// Moves to a pose; flow follows the blocks that agree there.
     fn settle(&mut self, frame: &Frame, pose: Mat3) {
         if let Some(back) = self.pose.try_inverse() {
@@ -195,6 +234,7 @@ impl Tracker for Best {
             .aligner
             .pose_at(corners)
             .ok_or(TrackError::BadRegion("corners are not a convex quadrilateral"))?;
+        self.scanner.learn(frame, corners);
         self.features.reseed(self.seed);
         self.estimator.reseed(self.seed ^ 1);
         // Without key points all else works.
@@ -215,9 +255,15 @@ impl Tracker for Best {
             return Err(TrackError::NotInitialised);
         }
         self.iterations = 0;
+        let back = self.pose.try_inverse().filter(|_| self.lost == 0);
+        self.aligner.smear.back = back;
         let (best, coast) = self.locate(frame);
+        self.aligner.smear.back = back;
         let score = best.map_or(Score::default(), |b| b.score);
         if let Some(b) = best.filter(|b| self.found(&b.score)) {
+            if score.total >= SURE {
+                self.learn_exposure(frame, &b.pose);
+            }
             self.settle(frame, b.pose);
             if self.lost > 0 {
                 self.motion = Mat3::identity();
@@ -271,7 +317,7 @@ impl Tracker for Best {
     }
 
     fn memory(&self) -> usize {
-        self.aligner.memory() + self.klt.memory() + self.features.memory()
+        self.aligner.memory() + self.scanner.memory() + self.klt.memory() + self.features.memory()
     }
 }
 

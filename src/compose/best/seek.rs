@@ -1,7 +1,7 @@
 //! Where the object may be in a frame: candidates from motion, flow, searches and key points, each aligned and judged.
 
 use super::align::Score;
-use super::{Best, FOUND};
+use super::{Best, FOUND, SURE};
 use crate::estimate::PointModel;
 use crate::geom::{Mat3, homography};
 use crate::image::Frame;
@@ -11,17 +11,19 @@ use crate::tracker::Tracker;
 const MARGIN: f64 = 0.03;
 /// Fewest points that flow is believed with, and least share of them.
 const FLOW: (usize, f64) = (8, 0.6);
-/// Rotations, degrees, and magnifications of the wider search.
-const TURNS: [f64; 6] = [-16.0, 16.0, -32.0, 32.0, -55.0, 55.0];
-const ZOOMS: [f64; 2] = [0.8, 1.25];
-/// When it has been lost: turns to a full circle, magnifications, how much wider the search is, how many of all pairs are
-/// tried in a frame, and the step through them, prime to their number.
-const AROUND: usize = 12;
-const SIZES: [f64; 5] = [1.0, 0.63, 1.6, 0.4, 2.5];
+/// Turns, degrees, and magnifications of the scan around the last place.
+const TURNS: [f64; 7] = [0.0, -18.0, 18.0, -36.0, 36.0, -55.0, 55.0];
+const ZOOMS: [f64; 3] = [1.0, 0.75, 1.35];
+/// Those of the scan of the whole image: turns to a full circle, magnifications relative to the template.
+const AROUND: usize = 16;
+const SIZES: [f64; 7] = [1.0, 0.74, 1.35, 0.55, 1.82, 0.4, 2.5];
+/// How many of all their pairs are tried in a frame, and the step through them, prime to their number.
+const SHARE: usize = 28;
+const STRIDE: usize = 45;
+/// How much wider the scan around the last place is than the first one.
 const FARTHER: f64 = 3.0;
-const SHARE: usize = 6;
-const STRIDE: usize = 7;
-
+/// Most poses of a scan that are aligned coarsely, and of these to the end.
+const KEPT: (usize, usize) = (6, 2);
 /// The plane's motion between frames.
 struct Plane;
 
@@ -54,16 +56,21 @@ impl Best {
             return;
         };
         self.iterations += iterations;
+        self.offer(Candidate { pose, score }, best);
+    }
+
+    /// Keeps a candidate when it is the best.
+    fn offer(&self, new: Candidate, best: &mut Option<Candidate>) {
         let better = |b: &Candidate| {
-            let found = (self.found(&score), self.found(&b.score));
+            let found = (self.found(&new.score), self.found(&b.score));
             if found.0 == found.1 {
-                score.total > b.score.total + MARGIN
+                new.score.total > b.score.total + MARGIN
             } else {
                 found.0
             }
         };
         if best.as_ref().is_none_or(better) {
-            *best = Some(Candidate { pose, score });
+            *best = Some(new);
         }
     }
 
@@ -96,28 +103,43 @@ impl Best {
         pose * Mat3::new(zoom * c, -zoom * s, 0.0, zoom * s, zoom * c, 0.0, 0.0, 0.0, 1.0)
     }
 
-    /// Searches with each of some turns, in degrees, and magnifications, and aligns from the best.
+    /// Scans for each of some poses, and aligns from the best places.
     fn sweep(
         &mut self,
         frame: &Frame,
-        from: &Mat3,
-        looks: impl IntoIterator<Item = (f64, f64)>,
+        poses: impl IntoIterator<Item = Mat3>,
         reach: f64,
+        kept: (usize, usize),
         best: &mut Option<Candidate>,
     ) {
-        let mut widest: Option<(Mat3, f64)> = None;
-        for (turn, zoom) in looks {
-            let start = Self::turned(from, turn, zoom);
-            let found = self.aligner.search(frame, &start, reach);
-            if let Some(f) = found
-                && widest.is_none_or(|w| f.1 > w.1)
-            {
-                widest = Some(f);
+        let mut found = std::mem::take(&mut self.places);
+        found.clear();
+        for pose in poses {
+            if self.aligner.sound(&pose, frame) {
+                self.scanner.scan(frame, &pose, reach, &mut found);
             }
         }
-        if let Some((pose, _)) = widest {
-            self.attempt(frame, &pose, best);
+        found.sort_by(|a, b| b.total.total_cmp(&a.total));
+        found.truncate(kept.0);
+        let judge = self.params.best_judge;
+        let mut coarse = std::mem::take(&mut self.coarse);
+        coarse.clear();
+        for place in &found {
+            if let Some((pose, score, n)) = self.aligner.coarse(frame, &place.pose, judge) {
+                self.iterations += n;
+                coarse.push(Candidate { pose, score });
+            }
         }
+        coarse.sort_by(|a, b| b.score.total.total_cmp(&a.score.total));
+        coarse.truncate(kept.1);
+        for c in &mut coarse {
+            self.aligner.fine(frame, (&mut c.pose, &mut c.score, &mut self.iterations), judge);
+            if self.aligner.ordinary(&c.pose) {
+                self.offer(*c, best);
+            }
+        }
+        self.places = found;
+        self.coarse = coarse;
     }
 
     /// The pose at which the key points say the object is: near the last one, or anywhere.
@@ -149,7 +171,7 @@ impl Best {
         let mut coast = None;
         let good = |this: &Self, best: &Option<Candidate>, total: f64, part: f64| {
             best.as_ref()
-                .is_some_and(|b| this.found(&b.score) && b.score.total >= total && b.score.best >= part)
+                .is_some_and(|b| this.found(&b.score) && b.score.total >= total.max(SURE) && b.score.best >= part)
         };
         self.attempt(frame, &first, &mut best);
         if good(self, &best, enough, 0.0) {
@@ -162,38 +184,33 @@ impl Best {
         if good(self, &best, enough, 0.0) {
             return (best, None);
         }
-        if let Some((pose, _)) = self.aligner.search(frame, &first, self.params.best_reach) {
-            self.attempt(frame, &pose, &mut best);
-        }
+        let reach = self.params.best_reach;
+        self.sweep(frame, [first], reach, (1, 1), &mut best);
         // What covers the object does so little by little; when much of it disagrees at once, the pose is wrong.
         let sudden = self.params.best_enough * self.usual.0.min(self.last);
         if good(self, &best, sudden, certain) {
             return (best, coast);
         }
-        let near = TURNS
-            .iter()
-            .map(|t| (*t, 1.0))
-            .chain(ZOOMS.iter().map(|z| (0.0, *z)));
-        self.sweep(frame, &first, near, self.params.best_reach, &mut best);
-        if !good(self, &best, 0.0, certain)
-            && let Some(pose) = self.key_points(frame, &first)
+        let near = |i: usize| Self::turned(&first, TURNS[i / ZOOMS.len()], ZOOMS[i % ZOOMS.len()]);
+        self.sweep(frame, (0..TURNS.len() * ZOOMS.len()).map(near), FARTHER * reach, KEPT, &mut best);
+        if good(self, &best, 0.0, certain) {
+            return (best, coast);
+        }
+        // How it has moved to wherever it may be now is not known.
+        self.aligner.smear.back = None;
+        if let Some(pose) = self.key_points(frame, &first)
+            && self.aligner.ordinary(&pose)
         {
             self.attempt(frame, &pose, &mut best);
         }
-        if self.lost > 0 && !best.as_ref().is_some_and(|b| self.found(&b.score)) {
-            // It may be anywhere by now, and look like anything: a part of all this in each frame.
+        if !best.as_ref().is_some_and(|b| self.found(&b.score) && b.score.total >= SURE) {
+            // It may be anywhere, and look like anything: a part of all this in each frame.
+            let upright = self.aligner.upright(frame);
             let every = |i: usize| {
                 let i = (self.lost * SHARE + i) * STRIDE % (AROUND * SIZES.len());
-                (360.0 / AROUND as f64 * (i % AROUND) as f64, SIZES[i / AROUND])
+                Self::turned(&upright, 360.0 / AROUND as f64 * (i % AROUND) as f64, SIZES[i / AROUND])
             };
-            let reach = FARTHER * self.params.best_reach;
-            self.sweep(
-                frame,
-                &first,
-                std::array::from_fn::<_, SHARE, _>(every),
-                reach,
-                &mut best,
-            );
+            self.sweep(frame, std::array::from_fn::<_, SHARE, _>(every), f64::INFINITY, KEPT, &mut best);
         }
         (best, coast)
     }

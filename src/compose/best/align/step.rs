@@ -98,6 +98,7 @@ impl Aligner {
         let image = frame.level(level, 1).gray();
         let unit = f64::from(1u32 << level);
         let columns = self.columns?;
+        self.expose(pose, view);
         for iteration in 1..=iterations {
             let (matrix, centre, scale) = self.place(pose, view, level);
             let n = self.views[view].len();
