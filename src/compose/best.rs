@@ -52,6 +52,8 @@ const FOUND: (f64, f64) = (0.72, 0.85);
 /// The same and the least total once it has been lost, or for more than a few frames: among so many places, some look a
 /// little like it.
 const FOUND_AGAIN: (f64, f64) = (0.8, 0.33);
+/// The least total anywhere else.
+const FOUND_ELSEWHERE: f64 = 0.42;
 const FEW: usize = 5;
 /// What is usual before anything has been found: then the absolute limit decides.
 const USUAL: (f64, f64) = (1.0, 0.0);
@@ -90,6 +92,8 @@ pub struct Best {
     last: f64,
     /// Frames in a row in which what was found was little like the object.
     doubtful: usize,
+    /// Frames in a row in which it was not sure that the object was found.
+    unsure: usize,
     /// Frames since the object was last found, and of these those in which flow was believed.
     lost: usize,
     /// Places in the base that flow follows, and pairs of places in the last frame and this one.
@@ -142,6 +146,7 @@ impl Best {
             usual: USUAL,
             last: 1.0,
             doubtful: 0,
+            unsure: 0,
             lost: 0,
             nodes: Vec::new(),
             from: Vec::new(),
@@ -171,13 +176,16 @@ impl Best {
         self.usual = (median(|s| s.total), median(|s| s.best));
     }
 
-    /// Whether a score says that the object is there.
-    fn found(&self, score: &Score) -> bool {
-        let (part, total) = if self.lost == 0 && self.doubtful < FEW {
+    /// Whether the object is at a candidate.
+    fn found(&self, at: &Candidate) -> bool {
+        let (part, total) = if !at.near {
+            (FOUND_AGAIN.0, FOUND_ELSEWHERE)
+        } else if self.lost == 0 && self.doubtful < FEW {
             (FOUND.0, 0.0)
         } else {
             FOUND_AGAIN
         };
+        let score = &at.score;
         score.total >= total
             && score.best >= self.params.best_found.max(part * self.usual.1)
             && score.agreeing >= AGREEING.0
@@ -243,6 +251,7 @@ impl Tracker for Best {
         self.usual = USUAL;
         self.last = 1.0;
         self.doubtful = 0;
+        self.unsure = 0;
         self.lost = 0;
         self.settle(frame, self.pose);
         self.motion = Mat3::identity();
@@ -260,7 +269,9 @@ impl Tracker for Best {
         let (best, coast) = self.locate(frame);
         self.aligner.smear.back = back;
         let score = best.map_or(Score::default(), |b| b.score);
-        if let Some(b) = best.filter(|b| self.found(&b.score)) {
+        let sure = best.is_some_and(|b| self.found(&b) && b.score.total >= SURE);
+        self.unsure = if sure { 0 } else { self.unsure + 1 };
+        if let Some(b) = best.filter(|b| self.found(b)) {
             if score.total >= SURE {
                 self.learn_exposure(frame, &b.pose);
             }

@@ -44,6 +44,8 @@ pub(super) struct Aligner {
     /// Motion blur of the views.
     pub smear: Smear,
     columns: Option<[Column; WARP]>,
+    /// Inverse of the pose that the alignment started from.
+    anchor: Mat3,
     px: Vec<f32>,
     py: Vec<f32>,
     gx: Vec<f32>,
@@ -237,18 +239,25 @@ impl Aligner {
 
     /// Aligns from a pose, coarse to fine; the pose and its score, and iterations.
     pub fn align(&mut self, frame: &Frame, start: &Mat3, points: usize) -> Option<(Mat3, Score, u32)> {
-        let (mut pose, mut score, mut iterations) = self.coarse(frame, start, points)?;
+        let (mut pose, mut score, mut iterations) = self.coarse(frame, start, points, 10)?;
         if score.best >= NOTHING {
             self.fine(frame, (&mut pose, &mut score, &mut iterations), points);
         }
         Some((pose, score, iterations))
     }
 
-    /// Aligns from a pose at the coarse levels, down to that at which poses are judged.
-    pub fn coarse(&mut self, frame: &Frame, start: &Mat3, points: usize) -> Option<(Mat3, Score, u32)> {
+    /// Aligns from a pose at the coarse levels, down to that at which poses are judged, by at most `most` steps at each.
+    pub fn coarse(
+        &mut self,
+        frame: &Frame,
+        start: &Mat3,
+        points: usize,
+        most: u32,
+    ) -> Option<(Mat3, Score, u32)> {
         if !self.sound(start, frame) {
             return None;
         }
+        self.anchor = start.try_inverse()?;
         let mut pose = *start;
         let mut iterations = 0;
         let judge = self.judge(&pose, frame, points);
@@ -256,7 +265,7 @@ impl Aligner {
         let mut score = first;
         for k in (judge..=self.top(&pose, frame)).rev() {
             let mut next = pose;
-            let Some(n) = self.refine(frame, &mut next, k, 10, 0.03) else {
+            let Some(n) = self.refine(frame, &mut next, k, most, 0.03) else {
                 continue;
             };
             (pose, iterations) = (next, iterations + n);

@@ -7,8 +7,8 @@ use crate::geom::{Mat3, homography};
 use crate::image::Frame;
 use crate::tracker::Tracker;
 
-/// What a later candidate must be better by.
-const MARGIN: f64 = 0.03;
+/// What a later candidate must be better by, around the last place and elsewhere.
+const MARGIN: (f64, f64) = (0.03, 0.1);
 /// Fewest points that flow is believed with, and least share of them.
 const FLOW: (usize, f64) = (8, 0.6);
 /// Turns, degrees, and magnifications of the scan around the last place.
@@ -22,6 +22,8 @@ const SHARE: usize = 28;
 const STRIDE: usize = 45;
 /// How much wider the scan around the last place is than the first one.
 const FARTHER: f64 = 3.0;
+/// Most steps at each coarse level from a place of a scan.
+const STEPS: u32 = 7;
 /// Most poses of a scan that are aligned coarsely, and of these to the end.
 const KEPT: (usize, usize) = (6, 2);
 /// The plane's motion between frames.
@@ -47,24 +49,27 @@ impl PointModel for Plane {
 pub(super) struct Candidate {
     pub pose: Mat3,
     pub score: Score,
+    /// Whether it was found around the last place.
+    pub near: bool,
 }
 
 impl Best {
     /// Aligns from a start and keeps the result when it is the best.
-    fn attempt(&mut self, frame: &Frame, start: &Mat3, best: &mut Option<Candidate>) {
+    fn attempt(&mut self, frame: &Frame, start: &Mat3, near: bool, best: &mut Option<Candidate>) {
         let Some((pose, score, iterations)) = self.aligner.align(frame, start, self.params.best_judge) else {
             return;
         };
         self.iterations += iterations;
-        self.offer(Candidate { pose, score }, best);
+        self.offer(Candidate { pose, score, near }, best);
     }
 
     /// Keeps a candidate when it is the best.
     fn offer(&self, new: Candidate, best: &mut Option<Candidate>) {
         let better = |b: &Candidate| {
-            let found = (self.found(&new.score), self.found(&b.score));
+            let found = (self.found(&new), self.found(b));
             if found.0 == found.1 {
-                new.score.total > b.score.total + MARGIN
+                let margin = if new.near { MARGIN.0 } else { MARGIN.1 };
+                new.score.total > b.score.total + margin
             } else {
                 found.0
             }
@@ -110,6 +115,7 @@ impl Best {
         poses: impl IntoIterator<Item = Mat3>,
         reach: f64,
         kept: (usize, usize),
+        near: bool,
         best: &mut Option<Candidate>,
     ) {
         let mut found = std::mem::take(&mut self.places);
@@ -125,9 +131,9 @@ impl Best {
         let mut coarse = std::mem::take(&mut self.coarse);
         coarse.clear();
         for place in &found {
-            if let Some((pose, score, n)) = self.aligner.coarse(frame, &place.pose, judge) {
+            if let Some((pose, score, n)) = self.aligner.coarse(frame, &place.pose, judge, STEPS) {
                 self.iterations += n;
-                coarse.push(Candidate { pose, score });
+                coarse.push(Candidate { pose, score, near });
             }
         }
         coarse.sort_by(|a, b| b.score.total.total_cmp(&a.score.total));
@@ -171,46 +177,54 @@ impl Best {
         let mut coast = None;
         let good = |this: &Self, best: &Option<Candidate>, total: f64, part: f64| {
             best.as_ref()
-                .is_some_and(|b| this.found(&b.score) && b.score.total >= total.max(SURE) && b.score.best >= part)
+                .is_some_and(|b| this.found(b) && b.score.total >= total.max(SURE) && b.score.best >= part)
         };
-        self.attempt(frame, &first, &mut best);
+        self.attempt(frame, &first, true, &mut best);
         if good(self, &best, enough, 0.0) {
             return (best, None);
         }
         if let Some((pose, sure)) = self.flow(frame, &first) {
             coast = sure.then_some(pose);
-            self.attempt(frame, &pose, &mut best);
+            self.attempt(frame, &pose, true, &mut best);
         }
         if good(self, &best, enough, 0.0) {
             return (best, None);
         }
         let reach = self.params.best_reach;
-        self.sweep(frame, [first], reach, (1, 1), &mut best);
+        self.sweep(frame, [first], reach, (1, 1), true, &mut best);
         // What covers the object does so little by little; when much of it disagrees at once, the pose is wrong.
         let sudden = self.params.best_enough * self.usual.0.min(self.last);
         if good(self, &best, sudden, certain) {
             return (best, coast);
         }
-        let near = |i: usize| Self::turned(&first, TURNS[i / ZOOMS.len()], ZOOMS[i % ZOOMS.len()]);
-        self.sweep(frame, (0..TURNS.len() * ZOOMS.len()).map(near), FARTHER * reach, KEPT, &mut best);
-        if good(self, &best, 0.0, certain) {
-            return (best, coast);
+        // All of this in the first frame, then by turns, more often while there is nothing to go by.
+        let period = if best.as_ref().is_some_and(|b| self.found(b)) { 4 } else { 2 };
+        let due = |k: usize| self.unsure == 0 || self.unsure % period == k;
+        let (keys, all) = (due(0), due(1));
+        if period == 2 || keys {
+            let near = |i: usize| Self::turned(&first, TURNS[i / ZOOMS.len()], ZOOMS[i % ZOOMS.len()]);
+            let poses = (0..TURNS.len() * ZOOMS.len()).map(near);
+            self.sweep(frame, poses, FARTHER * reach, KEPT, true, &mut best);
+            if good(self, &best, 0.0, certain) {
+                return (best, coast);
+            }
         }
-        // How it has moved to wherever it may be now is not known.
+        // How it has moved to wherever it may be is not known.
         self.aligner.smear.back = None;
-        if let Some(pose) = self.key_points(frame, &first)
+        if keys
+            && let Some(pose) = self.key_points(frame, &first)
             && self.aligner.ordinary(&pose)
         {
-            self.attempt(frame, &pose, &mut best);
+            self.attempt(frame, &pose, false, &mut best);
         }
-        if !best.as_ref().is_some_and(|b| self.found(&b.score) && b.score.total >= SURE) {
-            // It may be anywhere, and look like anything: a part of all this in each frame.
+        if all && !good(self, &best, 0.0, 0.0) {
+            // It may be anywhere, and look like anything: a part of all this at a time.
             let upright = self.aligner.upright(frame);
             let every = |i: usize| {
-                let i = (self.lost * SHARE + i) * STRIDE % (AROUND * SIZES.len());
+                let i = (self.unsure * SHARE / 2 + i) * STRIDE % (AROUND * SIZES.len());
                 Self::turned(&upright, 360.0 / AROUND as f64 * (i % AROUND) as f64, SIZES[i / AROUND])
             };
-            self.sweep(frame, std::array::from_fn::<_, SHARE, _>(every), f64::INFINITY, KEPT, &mut best);
+            self.sweep(frame, std::array::from_fn::<_, SHARE, _>(every), f64::INFINITY, KEPT, false, &mut best);
         }
         (best, coast)
     }
