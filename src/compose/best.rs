@@ -21,7 +21,6 @@ use crate::ssm::Homography;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use align::{Aligner, Score};
 use scan::{Found, Scanner};
-use seek::Candidate;
 use std::collections::VecDeque;
 
 crate::params! {
@@ -57,14 +56,17 @@ const FOUND_ELSEWHERE: f64 = 0.42;
 const FEW: usize = 5;
 /// What is usual before anything has been found: then the absolute limit decides.
 const USUAL: (f64, f64) = (1.0, 0.0);
+/// What is left of the motion after each frame in which the object is lost.
+const SLOWER: f64 = 0.85;
 /// Total from which there is no doubt that the object is where it seems to be.
 const SURE: f64 = 0.45;
-/// Motion between frames from which blur tells of the exposure, px; how many exposures are tried, what they must be better
-/// by, and how far they are followed.
-const FAST: f64 = 8.0;
+/// Motion between frames from which blur tells of the exposure, px; into how many steps exposures are divided, what they
+/// must be better by than none, how far each frame is followed, and how many frames are all looked at and then one of.
+const FAST: f64 = 10.0;
 const EXPOSURES: usize = 5;
-const SURER: f64 = 0.01;
-const FOLLOW: f64 = 0.5;
+const SURER: f64 = 0.03;
+const FOLLOW: f64 = 0.3;
+const OFTEN: usize = 4;
 /// The tracker `best`; its similarity is the mean of the cubed correlations of the template's blocks, 0 to 1 (blocks
 /// outside the image count less).
 pub struct Best {
@@ -73,10 +75,14 @@ pub struct Best {
     scanner: Scanner,
     /// Places of a scan, and those aligned coarsely.
     places: Vec<Found>,
-    coarse: Vec<Candidate>,
+    coarse: Vec<(Mat3, Score)>,
     pose: Mat3,
+    /// Where the object was expected in the last frame.
+    expected: Mat3,
     /// Motion in the image from the frame before the last to the last.
     motion: Mat3,
+    /// That of its middle, px; less and less of it while the object is lost.
+    speed: [f64; 2],
     previous: Option<Frame>,
     klt: Klt,
     estimator: Estimator,
@@ -92,6 +98,9 @@ pub struct Best {
     last: f64,
     /// Frames in a row in which what was found was little like the object.
     doubtful: usize,
+    /// Mean gain of the total with each exposure, and frames in which the object moved fast.
+    gains: [f64; EXPOSURES + 1],
+    moved: usize,
     /// Frames in a row in which it was not sure that the object was found.
     unsure: usize,
     /// Frames since the object was last found, and of these those in which flow was believed.
@@ -129,7 +138,9 @@ impl Best {
             places: Vec::new(),
             coarse: Vec::new(),
             pose: Mat3::identity(),
+            expected: Mat3::identity(),
             motion: Mat3::identity(),
+            speed: [0.0; 2],
             previous: None,
             klt: Klt::new(klt),
             estimator: Estimator::new(estimator, 0),
@@ -146,6 +157,8 @@ impl Best {
             usual: USUAL,
             last: 1.0,
             doubtful: 0,
+            gains: [0.0; EXPOSURES + 1],
+            moved: 0,
             unsure: 0,
             lost: 0,
             nodes: Vec::new(),
@@ -177,13 +190,13 @@ impl Best {
     }
 
     /// Whether the object is at a candidate.
-    fn found(&self, at: &Candidate) -> bool {
+    fn found(&self, at: &seek::Candidate) -> bool {
         let (part, total) = if !at.near {
-            (FOUND_AGAIN.0, FOUND_ELSEWHERE)
+            (ev("FE0",0.8), ev("FE",0.42))
         } else if self.lost == 0 && self.doubtful < FEW {
-            (FOUND.0, 0.0)
+            (FOUND.0, ev("FN",0.0))
         } else {
-            FOUND_AGAIN
+            (ev("FA0",0.8), ev("FA",0.33))
         };
         let score = &at.score;
         score.total >= total
@@ -192,24 +205,48 @@ impl Best {
             && score.agree >= AGREEING.1
     }
 
-    /// Looks for the exposure that explains best how an object that moves fast is blurred.
+    /// Looks for the exposure that explains best, over the last frames, how an object that moves fast is blurred.
     fn learn_exposure(&mut self, frame: &Frame, pose: &Mat3) {
         let judge = self.params.best_judge;
         if self.aligner.way(pose) < FAST {
             return;
         }
-        let now = self.aligner.smear.exposure;
-        let mut best = (self.aligner.assess(frame, pose, judge).total + SURER, now);
-        for k in 0..=EXPOSURES {
-            let e = k as f64 / EXPOSURES as f64;
-            self.aligner.smear.exposure = e;
-            let total = self.aligner.assess(frame, pose, judge).total;
-            if total > best.0 {
-                best = (total, e);
-            }
+        self.moved += 1;
+        if self.moved > OFTEN && self.moved % OFTEN != 0 {
+            return;
         }
-        if std::env::var("EXP").is_ok() { eprintln!("exposure {now} best {best:?} way {}", self.aligner.way(pose)); }
-        self.aligner.smear.exposure = now + FOLLOW * (best.1 - now);
+        let mut sharp = 0.0;
+        for (k, gain) in self.gains.iter_mut().enumerate() {
+            self.aligner.smear.exposure = k as f64 / EXPOSURES as f64;
+            let total = self.aligner.assess(frame, pose, judge).total;
+            if k == 0 {
+                sharp = total;
+            }
+            *gain += (total - sharp - *gain) * FOLLOW.max(1.0 / self.moved as f64);
+        }
+        let gains = &self.gains;
+        let best = (0..=EXPOSURES).fold(0, |best, k| if gains[k] > gains[best] { k } else { best });
+        self.aligner.smear.exposure = if gains[best] < ev("SURER",SURER) {
+            0.0
+        } else {
+            // The top of the parabola through it and its neighbours.
+            let (below, above) = (gains[best - 1], gains[(best + 1).min(EXPOSURES)]);
+            let bend = below - 2.0 * gains[best] + above;
+            let top = if bend < 0.0 { 0.5 * (below - above) / bend } else { 0.0 };
+            (best as f64 + top.clamp(-0.5, 0.5)) / EXPOSURES as f64
+        };
+        if std::env::var("EXP").is_ok() { eprintln!("exposure {:.2} gains {:.3?} sharp {sharp:.2}", self.aligner.smear.exposure, self.gains); }
+    }
+
+    /// Goes on for a while as the object moved last, as long as its middle stays within the image.
+    fn drift(&mut self, frame: &Frame) {
+        let [dx, dy] = self.speed;
+        let next = Mat3::new(1.0, 0.0, dx, 0.0, 1.0, dy, 0.0, 0.0, 1.0) * self.pose;
+        let [x, y] = homography::apply(&next, [0.0; 2]);
+        if x >= 0.0 && y >= 0.0 && x < frame.width() as f64 && y < frame.height() as f64 {
+            self.pose = next;
+        }
+        self.speed = self.speed.map(|v| v * ev("SLOW",SLOWER));
     }
 
     /// Moves to a pose; flow follows the blocks that agree there.
@@ -218,6 +255,8 @@ impl Best {
             let motion = pose * back;
             self.motion = motion / motion[(2, 2)];
         }
+        let [from, to] = [&self.pose, &pose].map(|p| homography::apply(p, [0.0; 2]));
+        self.speed = [to[0] - from[0], to[1] - from[1]];
         self.pose = pose;
         let judge = self.params.best_judge;
         self.aligner.assess(frame, &pose, judge);
@@ -252,9 +291,12 @@ impl Tracker for Best {
         self.last = 1.0;
         self.doubtful = 0;
         self.unsure = 0;
+        self.gains = [0.0; EXPOSURES + 1];
+        self.moved = 0;
         self.lost = 0;
         self.settle(frame, self.pose);
         self.motion = Mat3::identity();
+        self.speed = [0.0; 2];
         self.previous = Some(frame.clone());
         Ok(())
     }
@@ -278,6 +320,7 @@ impl Tracker for Best {
             self.settle(frame, b.pose);
             if self.lost > 0 {
                 self.motion = Mat3::identity();
+                self.speed = [0.0; 2];
             }
             self.lost = 0;
             self.remember(score);
@@ -290,7 +333,10 @@ impl Tracker for Best {
                     self.pose = pose;
                     self.previous = Some(frame.clone());
                 }
-                None => self.lost = self.lost.max(self.params.best_coast),
+                None => {
+                    self.lost = self.lost.max(self.params.best_coast);
+                    self.drift(frame);
+                }
             }
             self.motion = Mat3::identity();
         }
@@ -312,6 +358,7 @@ impl Tracker for Best {
         let pose = self.aligner.pose_at(corners);
         self.pose = pose.ok_or(TrackError::BadRegion("corners are not a convex quadrilateral"))?;
         self.motion = Mat3::identity();
+        self.speed = [0.0; 2];
         Ok(())
     }
 
@@ -334,3 +381,5 @@ impl Tracker for Best {
 
 #[cfg(test)]
 mod tests;
+
+pub(crate) fn ev(n: &str, d: f64) -> f64 { std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d) }

@@ -66,7 +66,7 @@ impl Scanner {
 
     /// Level of the image for an object of some area, px²: the coarsest with enough points.
     fn level(frame: &Frame, area: f64) -> usize {
-        let octaves = libm::log2((area / POINTS).max(1.0)) / 2.0;
+        let octaves = libm::log2((area / super::ev("PTS",POINTS)).max(1.0)) / 2.0;
         (octaves as usize).min(frame.levels() - 1)
     }
 

@@ -9,6 +9,8 @@ use crate::tracker::Tracker;
 
 /// What a later candidate must be better by, around the last place and elsewhere.
 const MARGIN: (f64, f64) = (0.03, 0.1);
+/// Total from which no other blur is tried.
+const CLEAR: f64 = 0.9;
 /// Fewest points that flow is believed with, and least share of them.
 const FLOW: (usize, f64) = (8, 0.6);
 /// Turns, degrees, and magnifications of the scan around the last place.
@@ -22,6 +24,8 @@ const SHARE: usize = 28;
 const STRIDE: usize = 45;
 /// How much wider the scan around the last place is than the first one.
 const FARTHER: f64 = 3.0;
+/// Frames for which it is looked for around the last place first.
+const FRESH: usize = 3;
 /// Most steps at each coarse level from a place of a scan.
 const STEPS: u32 = 7;
 /// Most poses of a scan that are aligned coarsely, and of these to the end.
@@ -49,18 +53,37 @@ impl PointModel for Plane {
 pub(super) struct Candidate {
     pub pose: Mat3,
     pub score: Score,
-    /// Whether it was found around the last place.
+    /// Whether it is near where the object was expected.
     pub near: bool,
 }
 
 impl Best {
-    /// Aligns from a start and keeps the result when it is the best.
-    fn attempt(&mut self, frame: &Frame, start: &Mat3, near: bool, best: &mut Option<Candidate>) {
-        let Some((pose, score, iterations)) = self.aligner.align(frame, start, self.params.best_judge) else {
-            return;
-        };
+    /// Aligns from a start, with the motion blur that is expected and without, and keeps the result when it is the best.
+    fn attempt(&mut self, frame: &Frame, start: &Mat3, best: &mut Option<Candidate>) {
+        let blurred = self.aligned(frame, start);
+        let exposure = std::mem::take(&mut self.aligner.smear.exposure);
+        let mut sharp = None;
+        if exposure > 0.0 && blurred.is_none_or(|b| b.1.total < CLEAR) {
+            sharp = self.aligned(frame, start);
+        }
+        self.aligner.smear.exposure = exposure;
+        for (pose, score) in blurred.into_iter().chain(sharp) {
+            self.offer(self.candidate(pose, score), best);
+        }
+    }
+
+    fn aligned(&mut self, frame: &Frame, start: &Mat3) -> Option<(Mat3, Score)> {
+        let (pose, score, iterations) = self.aligner.align(frame, start, self.params.best_judge)?;
         self.iterations += iterations;
-        self.offer(Candidate { pose, score, near }, best);
+        Some((pose, score))
+    }
+
+    /// A pose with its score, which may be near where the object was expected.
+    fn candidate(&self, pose: Mat3, score: Score) -> Candidate {
+        let (to, from) = (self.aligner.corners(&pose), self.aligner.corners(&self.expected));
+        let far = (to.distance_squared(&from) / 4.0).sqrt();
+        let near = far <= super::ev("NEAR",0.5) * from.signed_area().abs().sqrt();
+        Candidate { pose, score, near }
     }
 
     /// Keeps a candidate when it is the best.
@@ -115,7 +138,6 @@ impl Best {
         poses: impl IntoIterator<Item = Mat3>,
         reach: f64,
         kept: (usize, usize),
-        near: bool,
         best: &mut Option<Candidate>,
     ) {
         let mut found = std::mem::take(&mut self.places);
@@ -133,15 +155,15 @@ impl Best {
         for place in &found {
             if let Some((pose, score, n)) = self.aligner.coarse(frame, &place.pose, judge, STEPS) {
                 self.iterations += n;
-                coarse.push(Candidate { pose, score, near });
+                coarse.push((pose, score));
             }
         }
-        coarse.sort_by(|a, b| b.score.total.total_cmp(&a.score.total));
+        coarse.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
         coarse.truncate(kept.1);
-        for c in &mut coarse {
-            self.aligner.fine(frame, (&mut c.pose, &mut c.score, &mut self.iterations), judge);
-            if self.aligner.ordinary(&c.pose) {
-                self.offer(*c, best);
+        for (pose, score) in &mut coarse {
+            self.aligner.fine(frame, (pose, score, &mut self.iterations), judge);
+            if self.aligner.ordinary(pose) {
+                self.offer(self.candidate(*pose, *score), best);
             }
         }
         self.places = found;
@@ -173,38 +195,45 @@ impl Best {
             && self.aligner.assess(frame, &ahead, judge).total
                 > self.aligner.assess(frame, &hold, judge).total;
         let first = if moving { ahead } else { hold };
+        self.expected = first;
         let mut best = None;
         let mut coast = None;
         let good = |this: &Self, best: &Option<Candidate>, total: f64, part: f64| {
             best.as_ref()
                 .is_some_and(|b| this.found(b) && b.score.total >= total.max(SURE) && b.score.best >= part)
         };
-        self.attempt(frame, &first, true, &mut best);
+        self.attempt(frame, &first, &mut best);
         if good(self, &best, enough, 0.0) {
             return (best, None);
         }
         if let Some((pose, sure)) = self.flow(frame, &first) {
             coast = sure.then_some(pose);
-            self.attempt(frame, &pose, true, &mut best);
+            self.attempt(frame, &pose, &mut best);
         }
         if good(self, &best, enough, 0.0) {
             return (best, None);
         }
         let reach = self.params.best_reach;
-        self.sweep(frame, [first], reach, (1, 1), true, &mut best);
+        self.sweep(frame, [first], reach, (1, 1), &mut best);
         // What covers the object does so little by little; when much of it disagrees at once, the pose is wrong.
         let sudden = self.params.best_enough * self.usual.0.min(self.last);
         if good(self, &best, sudden, certain) {
             return (best, coast);
         }
         // All of this in the first frame, then by turns, more often while there is nothing to go by.
-        let period = if best.as_ref().is_some_and(|b| self.found(b)) { 4 } else { 2 };
-        let due = |k: usize| self.unsure == 0 || self.unsure % period == k;
-        let (keys, all) = (due(0), due(1));
-        if period == 2 || keys {
+        let held = best.as_ref().is_some_and(|b| self.found(b));
+        let turn = self.unsure % if held { 6 } else { 4 };
+        let (around, keys, all) = if self.unsure == 0 {
+            (true, true, true)
+        } else if held {
+            (turn == 0, turn == 2, turn == 4)
+        } else {
+            (turn == 0 || self.unsure < FRESH, turn == 2, turn % 2 == 1)
+        };
+        if around {
             let near = |i: usize| Self::turned(&first, TURNS[i / ZOOMS.len()], ZOOMS[i % ZOOMS.len()]);
             let poses = (0..TURNS.len() * ZOOMS.len()).map(near);
-            self.sweep(frame, poses, FARTHER * reach, KEPT, true, &mut best);
+            self.sweep(frame, poses, FARTHER * reach, KEPT, &mut best);
             if good(self, &best, 0.0, certain) {
                 return (best, coast);
             }
@@ -215,16 +244,19 @@ impl Best {
             && let Some(pose) = self.key_points(frame, &first)
             && self.aligner.ordinary(&pose)
         {
-            self.attempt(frame, &pose, false, &mut best);
+            self.attempt(frame, &pose, &mut best);
         }
         if all && !good(self, &best, 0.0, 0.0) {
             // It may be anywhere, and look like anything: a part of all this at a time.
             let upright = self.aligner.upright(frame);
+            let sm = super::ev("SM",0.0) > 0.0;
+            let (around, sizes, share, stride): (usize, &[f64], usize, usize) = if sm { (12, &[1.0, 0.7, 1.4, 0.5, 2.0], 20, 23) } else { (AROUND, &SIZES[..], SHARE, STRIDE) };
+            let shift = self.unsure / 2 * share;
             let every = |i: usize| {
-                let i = (self.unsure * SHARE / 2 + i) * STRIDE % (AROUND * SIZES.len());
-                Self::turned(&upright, 360.0 / AROUND as f64 * (i % AROUND) as f64, SIZES[i / AROUND])
+                let i = (shift + i) * stride % (around * sizes.len());
+                Self::turned(&upright, 360.0 / around as f64 * (i % around) as f64, sizes[i / around])
             };
-            self.sweep(frame, std::array::from_fn::<_, SHARE, _>(every), f64::INFINITY, KEPT, false, &mut best);
+            self.sweep(frame, (0..share).map(every), f64::INFINITY, KEPT, &mut best);
         }
         (best, coast)
     }
