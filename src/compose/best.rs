@@ -57,15 +57,16 @@ const FEW: usize = 5;
 /// What is usual before anything has been found: then the absolute limit decides.
 const USUAL: (f64, f64) = (1.0, 0.0);
 /// What is left of the motion after each frame in which the object is lost.
-const SLOWER: f64 = 0.85;
+const SLOWER: f64 = 0.8;
 /// Total from which there is no doubt that the object is where it seems to be.
 const SURE: f64 = 0.45;
 /// Motion between frames from which blur tells of the exposure, px; into how many steps exposures are divided, what they
-/// must be better by than none, how far each frame is followed, and how many frames are all looked at and then one of.
+/// must be better by than none, how far each frame is followed, and of how many frames
+/// one is looked at while there is no blur.
 const FAST: f64 = 10.0;
 const EXPOSURES: usize = 5;
-const SURER: f64 = 0.03;
-const FOLLOW: f64 = 0.3;
+const SURER: f64 = 0.012;
+const FOLLOW: f64 = 0.4;
 const OFTEN: usize = 4;
 /// The tracker `best`; its similarity is the mean of the cubed correlations of the template's blocks, 0 to 1 (blocks
 /// outside the image count less).
@@ -192,11 +193,11 @@ impl Best {
     /// Whether the object is at a candidate.
     fn found(&self, at: &seek::Candidate) -> bool {
         let (part, total) = if !at.near {
-            (ev("FE0",0.8), ev("FE",0.42))
+            (FOUND_AGAIN.0, FOUND_ELSEWHERE)
         } else if self.lost == 0 && self.doubtful < FEW {
-            (FOUND.0, ev("FN",0.0))
+            (FOUND.0, 0.0)
         } else {
-            (ev("FA0",0.8), ev("FA",0.33))
+            FOUND_AGAIN
         };
         let score = &at.score;
         score.total >= total
@@ -212,7 +213,7 @@ impl Best {
             return;
         }
         self.moved += 1;
-        if self.moved > OFTEN && self.moved % OFTEN != 0 {
+        if self.moved > OFTEN && self.aligner.smear.exposure == 0.0 && self.moved % OFTEN != 0 {
             return;
         }
         let mut sharp = 0.0;
@@ -226,16 +227,19 @@ impl Best {
         }
         let gains = &self.gains;
         let best = (0..=EXPOSURES).fold(0, |best, k| if gains[k] > gains[best] { k } else { best });
-        self.aligner.smear.exposure = if gains[best] < ev("SURER",SURER) {
+        self.aligner.smear.exposure = if gains[best] < SURER {
             0.0
         } else {
             // The top of the parabola through it and its neighbours.
             let (below, above) = (gains[best - 1], gains[(best + 1).min(EXPOSURES)]);
             let bend = below - 2.0 * gains[best] + above;
-            let top = if bend < 0.0 { 0.5 * (below - above) / bend } else { 0.0 };
-            (best as f64 + top.clamp(-0.5, 0.5)) / EXPOSURES as f64
+            let top = if bend < 0.0 {
+                0.5 * (below - above) / bend
+            } else {
+                0.0
+            };
+            ((best as f64 + top.clamp(-0.5, 0.5)) / EXPOSURES as f64).min(1.0)
         };
-        if std::env::var("EXP").is_ok() { eprintln!("exposure {:.2} gains {:.3?} sharp {sharp:.2}", self.aligner.smear.exposure, self.gains); }
     }
 
     /// Goes on for a while as the object moved last, as long as its middle stays within the image.
@@ -246,7 +250,7 @@ impl Best {
         if x >= 0.0 && y >= 0.0 && x < frame.width() as f64 && y < frame.height() as f64 {
             self.pose = next;
         }
-        self.speed = self.speed.map(|v| v * ev("SLOW",SLOWER));
+        self.speed = self.speed.map(|v| v * SLOWER);
     }
 
     /// Moves to a pose; flow follows the blocks that agree there.
@@ -255,8 +259,12 @@ impl Best {
             let motion = pose * back;
             self.motion = motion / motion[(2, 2)];
         }
-        let [from, to] = [&self.pose, &pose].map(|p| homography::apply(p, [0.0; 2]));
-        self.speed = [to[0] - from[0], to[1] - from[1]];
+        if self.unsure == 0 {
+            let [from, to] = [&self.pose, &pose].map(|p| homography::apply(p, [0.0; 2]));
+            self.speed = [to[0] - from[0], to[1] - from[1]];
+        } else {
+            self.speed = self.speed.map(|v| v * SLOWER);
+        }
         self.pose = pose;
         let judge = self.params.best_judge;
         self.aligner.assess(frame, &pose, judge);
@@ -381,5 +389,3 @@ impl Tracker for Best {
 
 #[cfg(test)]
 mod tests;
-
-pub(crate) fn ev(n: &str, d: f64) -> f64 { std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d) }

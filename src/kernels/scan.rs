@@ -43,10 +43,14 @@ fn correlate_lanes<V: Lanes>(plane: &[f32], offsets: &[usize], values: &[f32], o
             take(&mut first, V::load(&pixels[..WIDTH]), value);
             take(&mut second, V::load(&pixels[WIDTH..]), value);
         }
-        V::load_at(out, i).add(cubed(first, share, least)).store_at(out, i);
+        V::load_at(out, i)
+            .add(cubed(first, share, least))
+            .store_at(out, i);
         if i + WIDTH < out.len() {
             let i = i + WIDTH;
-            V::load_at(out, i).add(cubed(second, share, least)).store_at(out, i);
+            V::load_at(out, i)
+                .add(cubed(second, share, least))
+                .store_at(out, i);
         }
     }
 }

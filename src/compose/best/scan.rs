@@ -66,7 +66,7 @@ impl Scanner {
 
     /// Level of the image for an object of some area, px²: the coarsest with enough points.
     fn level(frame: &Frame, area: f64) -> usize {
-        let octaves = libm::log2((area / super::ev("PTS",POINTS)).max(1.0)) / 2.0;
+        let octaves = libm::log2((area / POINTS).max(1.0)) / 2.0;
         (octaves as usize).min(frame.levels() - 1)
     }
 
@@ -78,7 +78,9 @@ impl Scanner {
         // The template's level of about the same sharpness.
         let zoom = libm::log2(area.sqrt() / (2.0 * self.base.unit));
         let template = self.template.as_ref()?;
-        let from = (level as f64 - zoom).round().clamp(0.0, (template.levels() - 1) as f64) as usize;
+        let from = (level as f64 - zoom)
+            .round()
+            .clamp(0.0, (template.levels() - 1) as f64) as usize;
         let from_unit = f64::from(1u32 << from);
         let back = pose.try_inverse()?;
         let square = homography::from_corners(&self.quad, &Corners::rect(0.0, 0.0, 1.0, 1.0))?;
@@ -99,8 +101,7 @@ impl Scanner {
                     let place = std::array::from_fn(|c| {
                         ((self.base.centre[c] + self.base.unit * at[c]) / from_unit) as f32
                     });
-                    self.points
-                        .push((block, [x - middle[0], y - middle[1]], place));
+                    self.points.push((block, [x - middle[0], y - middle[1]], place));
                 }
             }
         }
@@ -111,7 +112,13 @@ impl Scanner {
         self.tx.extend(self.points.iter().map(|p| p.2[0]));
         self.ty.extend(self.points.iter().map(|p| p.2[1]));
         self.value.resize(self.points.len(), 0.0);
-        kernels::sample(plane(image), Border::Replicate, &self.tx, &self.ty, &mut self.value);
+        kernels::sample(
+            plane(image),
+            Border::Replicate,
+            &self.tx,
+            &self.ty,
+            &mut self.value,
+        );
         self.blocks.clear();
         self.offsets.clear();
         self.values.clear();

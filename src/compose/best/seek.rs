@@ -11,21 +11,23 @@ use crate::tracker::Tracker;
 const MARGIN: (f64, f64) = (0.03, 0.1);
 /// Total from which no other blur is tried.
 const CLEAR: f64 = 0.9;
+/// Farthest that an object may be from where it was expected to count as near, as a fraction of its size.
+const NEAR: f64 = 0.5;
 /// Fewest points that flow is believed with, and least share of them.
 const FLOW: (usize, f64) = (8, 0.6);
 /// Turns, degrees, and magnifications of the scan around the last place.
 const TURNS: [f64; 7] = [0.0, -18.0, 18.0, -36.0, 36.0, -55.0, 55.0];
 const ZOOMS: [f64; 3] = [1.0, 0.75, 1.35];
 /// Those of the scan of the whole image: turns to a full circle, magnifications relative to the template.
-const AROUND: usize = 16;
-const SIZES: [f64; 7] = [1.0, 0.74, 1.35, 0.55, 1.82, 0.4, 2.5];
+const AROUND: usize = 12;
+const SIZES: [f64; 5] = [1.0, 0.7, 1.4, 0.5, 2.0];
 /// How many of all their pairs are tried in a frame, and the step through them, prime to their number.
-const SHARE: usize = 28;
-const STRIDE: usize = 45;
+const SHARE: usize = 20;
+const STRIDE: usize = 23;
 /// How much wider the scan around the last place is than the first one.
 const FARTHER: f64 = 3.0;
 /// Frames for which it is looked for around the last place first.
-const FRESH: usize = 3;
+const FRESH: usize = 6;
 /// Most steps at each coarse level from a place of a scan.
 const STEPS: u32 = 7;
 /// Most poses of a scan that are aligned coarsely, and of these to the end.
@@ -82,7 +84,7 @@ impl Best {
     fn candidate(&self, pose: Mat3, score: Score) -> Candidate {
         let (to, from) = (self.aligner.corners(&pose), self.aligner.corners(&self.expected));
         let far = (to.distance_squared(&from) / 4.0).sqrt();
-        let near = far <= super::ev("NEAR",0.5) * from.signed_area().abs().sqrt();
+        let near = far <= NEAR * from.signed_area().abs().sqrt();
         Candidate { pose, score, near }
     }
 
@@ -161,7 +163,8 @@ impl Best {
         coarse.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
         coarse.truncate(kept.1);
         for (pose, score) in &mut coarse {
-            self.aligner.fine(frame, (pose, score, &mut self.iterations), judge);
+            self.aligner
+                .fine(frame, (pose, score, &mut self.iterations), judge);
             if self.aligner.ordinary(pose) {
                 self.offer(self.candidate(*pose, *score), best);
             }
@@ -249,14 +252,16 @@ impl Best {
         if all && !good(self, &best, 0.0, 0.0) {
             // It may be anywhere, and look like anything: a part of all this at a time.
             let upright = self.aligner.upright(frame);
-            let sm = super::ev("SM",0.0) > 0.0;
-            let (around, sizes, share, stride): (usize, &[f64], usize, usize) = if sm { (12, &[1.0, 0.7, 1.4, 0.5, 2.0], 20, 23) } else { (AROUND, &SIZES[..], SHARE, STRIDE) };
-            let shift = self.unsure / 2 * share;
+            let shift = self.unsure / 2 * SHARE;
             let every = |i: usize| {
-                let i = (shift + i) * stride % (around * sizes.len());
-                Self::turned(&upright, 360.0 / around as f64 * (i % around) as f64, sizes[i / around])
+                let i = (shift + i) * STRIDE % (AROUND * SIZES.len());
+                Self::turned(
+                    &upright,
+                    360.0 / AROUND as f64 * (i % AROUND) as f64,
+                    SIZES[i / AROUND],
+                )
             };
-            self.sweep(frame, (0..share).map(every), f64::INFINITY, KEPT, &mut best);
+            self.sweep(frame, (0..SHARE).map(every), f64::INFINITY, KEPT, &mut best);
         }
         (best, coast)
     }

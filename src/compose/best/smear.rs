@@ -105,7 +105,12 @@ impl Smear {
             d.map(|v| (v * scale) as f32)
         }));
         let centre = base.centre.map(|v| (v / unit) as f32);
-        for buffer in self.sum.iter_mut().chain(&mut self.sample).chain([&mut self.x, &mut self.y]) {
+        for buffer in self
+            .sum
+            .iter_mut()
+            .chain(&mut self.sample)
+            .chain([&mut self.x, &mut self.y])
+        {
             buffer.clear();
             buffer.resize(n, 0.0);
         }

@@ -246,7 +246,9 @@ impl View {
 
     /// Takes over the template of a view with the same points.
     pub fn copy_template(&mut self, other: &View) {
-        self.work.col_mut(TEMPLATE).copy_from_slice(other.work.col(TEMPLATE));
+        self.work
+            .col_mut(TEMPLATE)
+            .copy_from_slice(other.work.col(TEMPLATE));
         self.own.copy_from(&other.own);
         self.blocks.copy_from_slice(&other.blocks);
     }

@@ -64,7 +64,7 @@ impl Equations {
     fn expect(&mut self, deviation: &Mat3, noise: f64) {
         let entry = |k: usize| deviation[(k / 3, k % 3)];
         for (a, b, sum, difference) in KINDS {
-            let [u, v] = [sum, difference].map(|k| super::super::ev("ALIKE",100.0) * noise / (EXPECTED[k] * EXPECTED[k]) / 2.0);
+            let [u, v] = [sum, difference].map(|k| ALIKE * noise / (EXPECTED[k] * EXPECTED[k]) / 2.0);
             // u (p_a + p_b)² / 2 + v (p_a - p_b)² / 2
             let (same, cross) = ((u + v) / 2.0, (u - v) / 2.0);
             self.h[a][a] += same;
