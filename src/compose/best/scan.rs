@@ -19,12 +19,15 @@ const NEARER: f32 = 0.02;
 /// How many places each scan yields, and least distance between them, as a fraction of the object's size.
 const PEAKS: usize = 2;
 const APART: f64 = 0.25;
+/// Least standard deviation of the places' means.
+const SPREAD: f32 = 0.01;
 
-/// A pose at which the template agrees better than around it, and how well: the mean of the cubed correlations of blocks.
+/// A pose at which the template agrees better than around it, and by how much: the mean of the cubed correlations of blocks
+/// above that of all places, in standard deviations of those.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found {
     pub pose: Mat3,
-    pub total: f32,
+    pub contrast: f32,
 }
 
 /// Points of one block: where they end, and the box around them relative to the middle.
@@ -210,9 +213,14 @@ impl Scanner {
         for (i, (total, inside)) in self.totals.iter_mut().zip(&self.inside).enumerate() {
             let dx = left + (i % cols) as isize - middle[0];
             let dy = top + (i / cols) as isize - middle[1];
-            *total /= inside + (blocks - inside) / 3.0;
+            *total /= inside + (blocks - inside) / 2.0;
             *total -= NEARER * ((dx * dx + dy * dy) as f32 * far).sqrt();
         }
+        // With few blocks more places look a little like the template.
+        let n = count as f32;
+        let mean = self.totals.iter().sum::<f32>() / n;
+        let squares = self.totals.iter().map(|t| (t - mean) * (t - mean)).sum::<f32>();
+        let spread = (squares / n).sqrt().max(SPREAD);
         let apart = ((APART * area.sqrt() / unit) as isize).max(1);
         for _ in 0..PEAKS {
             let best = (0..count).max_by(|a, b| self.totals[*a].total_cmp(&self.totals[*b]).then(b.cmp(a)));
@@ -224,7 +232,7 @@ impl Scanner {
             let shift = Mat3::new(1.0, 0.0, dx, 0.0, 1.0, dy, 0.0, 0.0, 1.0);
             found.push(Found {
                 pose: shift * pose,
-                total: self.totals[best],
+                contrast: (self.totals[best] - mean) / spread,
             });
             for y in (y - apart).max(0)..(y + apart + 1).min(bottom - top) {
                 let row = y as usize * cols;

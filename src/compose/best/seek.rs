@@ -30,8 +30,10 @@ const FARTHER: f64 = 3.0;
 const FRESH: usize = 6;
 /// Most steps at each coarse level from a place of a scan.
 const STEPS: u32 = 7;
-/// Most poses of a scan that are aligned coarsely, and of these to the end.
-const KEPT: (usize, usize) = (6, 2);
+/// Points that poses of a scan are first aligned with, most of those, most that are aligned with as many points as others,
+/// and most that are aligned to the end.
+const GLANCE: usize = 200;
+const KEPT: (usize, usize, usize) = (10, 3, 2);
 /// The plane's motion between frames.
 struct Plane;
 
@@ -128,7 +130,7 @@ impl Best {
     }
 
     /// Turns and scales a pose about the object's centre.
-    fn turned(pose: &Mat3, degrees: f64, zoom: f64) -> Mat3 {
+    pub(super) fn turned(pose: &Mat3, degrees: f64, zoom: f64) -> Mat3 {
         let (s, c) = libm::sincos(degrees.to_radians());
         pose * Mat3::new(zoom * c, -zoom * s, 0.0, zoom * s, zoom * c, 0.0, 0.0, 0.0, 1.0)
     }
@@ -139,7 +141,7 @@ impl Best {
         frame: &Frame,
         poses: impl IntoIterator<Item = Mat3>,
         reach: f64,
-        kept: (usize, usize),
+        kept: (usize, usize, usize),
         best: &mut Option<Candidate>,
     ) {
         let mut found = std::mem::take(&mut self.places);
@@ -149,19 +151,22 @@ impl Best {
                 self.scanner.scan(frame, &pose, reach, &mut found);
             }
         }
-        found.sort_by(|a, b| b.total.total_cmp(&a.total));
+        found.sort_by(|a, b| b.contrast.total_cmp(&a.contrast));
         found.truncate(kept.0);
         let judge = self.params.best_judge;
         let mut coarse = std::mem::take(&mut self.coarse);
         coarse.clear();
-        for place in &found {
-            if let Some((pose, score, n)) = self.aligner.coarse(frame, &place.pose, judge, STEPS) {
+        coarse.extend(found.iter().map(|place| (place.pose, Score::default())));
+        for (points, most, most_steps) in [(GLANCE, kept.1, 4), (judge, kept.2, STEPS)] {
+            for (pose, score) in &mut coarse {
+                let aligned = self.aligner.coarse(frame, pose, points, most_steps);
+                let (next, reached, n) = aligned.unwrap_or((*pose, Score::default(), 0));
+                (*pose, *score) = (next, reached);
                 self.iterations += n;
-                coarse.push((pose, score));
             }
+            coarse.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
+            coarse.truncate(most);
         }
-        coarse.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
-        coarse.truncate(kept.1);
         for (pose, score) in &mut coarse {
             self.aligner
                 .fine(frame, (pose, score, &mut self.iterations), judge);
@@ -217,7 +222,7 @@ impl Best {
             return (best, None);
         }
         let reach = self.params.best_reach;
-        self.sweep(frame, [first], reach, (1, 1), &mut best);
+        self.sweep(frame, [first], reach, (1, 1, 1), &mut best);
         // What covers the object does so little by little; when much of it disagrees at once, the pose is wrong.
         let sudden = self.params.best_enough * self.usual.0.min(self.last);
         if good(self, &best, sudden, certain) {
