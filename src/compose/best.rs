@@ -74,9 +74,9 @@ pub struct Best {
     params: BestParams,
     aligner: Aligner,
     scanner: Scanner,
-    /// Places of a scan, and those aligned coarsely.
+    /// Places of a scan, and those aligned coarsely, with their scores and contrasts.
     places: Vec<Found>,
-    coarse: Vec<(Mat3, Score)>,
+    coarse: Vec<(Mat3, Score, f32)>,
     pose: Mat3,
     /// Where the object was expected in the last frame.
     expected: Mat3,

@@ -9,8 +9,9 @@ use crate::tracker::Tracker;
 
 /// What a later candidate must be better by, around the last place and elsewhere.
 const MARGIN: (f64, f64) = (0.03, 0.1);
-/// Total from which no other blur is tried.
-const CLEAR: f64 = 0.9;
+/// Total from which no other blur is tried, and what blur must be better by than none.
+const CLEAR: f64 = 0.97;
+const BLURRED: f64 = 0.015;
 /// Farthest that an object may be from where it was expected to count as near, as a fraction of its size.
 const NEAR: f64 = 0.5;
 /// Fewest points that flow is believed with, and least share of them.
@@ -30,6 +31,8 @@ const FARTHER: f64 = 3.0;
 const FRESH: usize = 6;
 /// Most steps at each coarse level from a place of a scan.
 const STEPS: u32 = 7;
+/// Contrast from which a place is no coincidence, standard deviations.
+const STANDS_OUT: f32 = 9.0;
 /// Points that poses of a scan are first aligned with, most of those, most that are aligned with as many points as others,
 /// and most that are aligned to the end.
 const GLANCE: usize = 200;
@@ -57,7 +60,7 @@ impl PointModel for Plane {
 pub(super) struct Candidate {
     pub pose: Mat3,
     pub score: Score,
-    /// Whether it is near where the object was expected.
+    /// Whether it is near where the object was expected, or stands out so much that it might as well be.
     pub near: bool,
 }
 
@@ -71,7 +74,8 @@ impl Best {
             sharp = self.aligned(frame, start);
         }
         self.aligner.smear.exposure = exposure;
-        for (pose, score) in blurred.into_iter().chain(sharp) {
+        let clearer = |b: &(Mat3, Score)| sharp.is_none_or(|s| b.1.total > s.1.total + BLURRED);
+        if let Some((pose, score)) = blurred.filter(clearer).or(sharp) {
             self.offer(self.candidate(pose, score), best);
         }
     }
@@ -156,9 +160,9 @@ impl Best {
         let judge = self.params.best_judge;
         let mut coarse = std::mem::take(&mut self.coarse);
         coarse.clear();
-        coarse.extend(found.iter().map(|place| (place.pose, Score::default())));
+        coarse.extend(found.iter().map(|place| (place.pose, Score::default(), place.contrast)));
         for (points, most, most_steps) in [(GLANCE, kept.1, 4), (judge, kept.2, STEPS)] {
-            for (pose, score) in &mut coarse {
+            for (pose, score, _) in &mut coarse {
                 let aligned = self.aligner.coarse(frame, pose, points, most_steps);
                 let (next, reached, n) = aligned.unwrap_or((*pose, Score::default(), 0));
                 (*pose, *score) = (next, reached);
@@ -167,11 +171,13 @@ impl Best {
             coarse.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
             coarse.truncate(most);
         }
-        for (pose, score) in &mut coarse {
-            self.aligner
-                .fine(frame, (pose, score, &mut self.iterations), judge);
-            if self.aligner.ordinary(pose) {
-                self.offer(self.candidate(*pose, *score), best);
+        for (start, _, contrast) in &coarse {
+            if let Some((pose, score)) = self.aligned(frame, start)
+                && self.aligner.ordinary(&pose)
+            {
+                let mut new = self.candidate(pose, score);
+                new.near |= *contrast >= STANDS_OUT;
+                self.offer(new, best);
             }
         }
         self.places = found;
