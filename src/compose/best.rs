@@ -80,6 +80,8 @@ pub struct Best {
     pose: Mat3,
     /// Where the object was expected in the last frame.
     expected: Mat3,
+    /// Whether what has been found in this frame is blurred by motion, once it is known.
+    blurred: Option<bool>,
     /// Motion in the image from the frame before the last to the last.
     motion: Mat3,
     /// That of its middle, px; less and less of it while the object is lost.
@@ -140,6 +142,7 @@ impl Best {
             coarse: Vec::new(),
             pose: Mat3::identity(),
             expected: Mat3::identity(),
+            blurred: None,
             motion: Mat3::identity(),
             speed: [0.0; 2],
             previous: None,

@@ -19,7 +19,8 @@ const NEARER: f32 = 0.02;
 /// How many places each scan yields, and least distance between them, as a fraction of the object's size.
 const PEAKS: usize = 2;
 const APART: f64 = 0.25;
-/// Least standard deviation of the places' means.
+/// Least mean, and least standard deviation of the means of all places.
+const FAINT: f32 = 0.02;
 const SPREAD: f32 = 0.01;
 
 /// A pose at which the template agrees better than around it, and by how much: the mean of the cubed correlations of blocks
@@ -224,7 +225,7 @@ impl Scanner {
         let apart = ((APART * area.sqrt() / unit) as isize).max(1);
         for _ in 0..PEAKS {
             let best = (0..count).max_by(|a, b| self.totals[*a].total_cmp(&self.totals[*b]).then(b.cmp(a)));
-            let Some(best) = best.filter(|b| self.totals[*b] > 0.0) else {
+            let Some(best) = best.filter(|b| self.totals[*b] > FAINT) else {
                 break;
             };
             let (x, y) = ((best % cols) as isize, (best / cols) as isize);

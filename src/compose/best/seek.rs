@@ -65,19 +65,30 @@ pub(super) struct Candidate {
 }
 
 impl Best {
-    /// Aligns from a start, with the motion blur that is expected and without, and keeps the result when it is the best.
+    /// Aligns from a start, with the motion blur that is expected and, until it is known which is right, without, and keeps
+    /// the result when it is the best.
     fn attempt(&mut self, frame: &Frame, start: &Mat3, best: &mut Option<Candidate>) {
-        let blurred = self.aligned(frame, start);
-        let exposure = std::mem::take(&mut self.aligner.smear.exposure);
+        let exposure = self.aligner.smear.exposure;
+        if self.blurred == Some(false) {
+            self.aligner.smear.exposure = 0.0;
+        }
+        let expected = self.aligned(frame, start);
         let mut sharp = None;
-        if exposure > 0.0 && blurred.is_none_or(|b| b.1.total < CLEAR) {
+        if exposure > 0.0 && self.blurred.is_none() && expected.is_none_or(|b| b.1.total < CLEAR) {
+            self.aligner.smear.exposure = 0.0;
             sharp = self.aligned(frame, start);
         }
         self.aligner.smear.exposure = exposure;
         let clearer = |b: &(Mat3, Score)| sharp.is_none_or(|s| b.1.total > s.1.total + BLURRED);
-        if let Some((pose, score)) = blurred.filter(clearer).or(sharp) {
-            self.offer(self.candidate(pose, score), best);
+        let blurred = expected.filter(clearer);
+        let Some((pose, score)) = blurred.or(sharp) else {
+            return;
+        };
+        let new = self.candidate(pose, score);
+        if sharp.is_some() && self.found(&new) {
+            self.blurred = Some(blurred.is_some());
         }
+        self.offer(new, best);
     }
 
     fn aligned(&mut self, frame: &Frame, start: &Mat3) -> Option<(Mat3, Score)> {
@@ -160,7 +171,11 @@ impl Best {
         let judge = self.params.best_judge;
         let mut coarse = std::mem::take(&mut self.coarse);
         coarse.clear();
-        coarse.extend(found.iter().map(|place| (place.pose, Score::default(), place.contrast)));
+        coarse.extend(
+            found
+                .iter()
+                .map(|place| (place.pose, Score::default(), place.contrast)),
+        );
         for (points, most, most_steps) in [(GLANCE, kept.1, 4), (judge, kept.2, STEPS)] {
             for (pose, score, _) in &mut coarse {
                 let aligned = self.aligner.coarse(frame, pose, points, most_steps);
@@ -210,6 +225,7 @@ impl Best {
                 > self.aligner.assess(frame, &hold, judge).total;
         let first = if moving { ahead } else { hold };
         self.expected = first;
+        self.blurred = None;
         let mut best = None;
         let mut coast = None;
         let good = |this: &Self, best: &Option<Candidate>, total: f64, part: f64| {

@@ -137,7 +137,10 @@ fn a_scan_finds_the_object_wherever_it_is_though_half_covered() {
             let pose = Best::turned(&tracker.aligner.upright(&frame), turn, size);
             tracker.scanner.scan(&frame, &pose, f64::INFINITY, &mut found);
         }
-        let best = found.iter().max_by(|a, b| a.contrast.total_cmp(&b.contrast)).unwrap();
+        let best = found
+            .iter()
+            .max_by(|a, b| a.contrast.total_cmp(&b.contrast))
+            .unwrap();
         let truth = homography::apply(&(m * tracker.pose), [0.0; 2]);
         let at = homography::apply(&best.pose, [0.0; 2]);
         let far = (at[0] - truth[0]).hypot(at[1] - truth[1]);
