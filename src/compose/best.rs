@@ -51,8 +51,9 @@ const FOUND: (f64, f64) = (0.72, 0.85);
 /// The same and the least total once it has been lost, or for more than a few frames: among so many places, some look a
 /// little like it.
 const FOUND_AGAIN: (f64, f64) = (0.8, 0.33);
-/// The least total anywhere else.
+/// The least total anywhere else, unless the best blocks agree so well that the others must be covered.
 const FOUND_ELSEWHERE: f64 = 0.42;
+const PERFECT: f64 = 0.93;
 const FEW: usize = 5;
 /// What is usual before anything has been found: then the absolute limit decides.
 const USUAL: (f64, f64) = (1.0, 0.0);
@@ -203,7 +204,7 @@ impl Best {
             FOUND_AGAIN
         };
         let score = &at.score;
-        score.total >= total
+        (score.total >= total || score.best >= PERFECT && score.total >= FOUND_AGAIN.1)
             && score.best >= self.params.best_found.max(part * self.usual.1)
             && score.agreeing >= AGREEING.0
             && score.agree >= AGREEING.1
