@@ -1,6 +1,7 @@
 //! One tracker of its own: second-order alignment to the first frame's template over a pyramid, started from where the
-//! object should be, and, as long as the template does not agree there, from where flow, a coarse search and key points
-//! say it is.
+//! object should be, and, as long as the template does not agree there, from where flow, scans of a coarse level of the
+//! image and key points say it is. When motion blurs the image, the template is blurred the same way; how long the shutter
+//! is open is learnt from the frames.
 //!
 //! What decides is always the agreement of the template, block by block: a pose is taken when enough blocks agree, even
 //! if the others are covered or outside the image.
@@ -51,10 +52,10 @@ const FOUND: (f64, f64) = (0.72, 0.85);
 /// The same and the least total once it has been lost, or for more than a few frames: among so many places, some look a
 /// little like it.
 const FOUND_AGAIN: (f64, f64) = (0.8, 0.33);
+const FEW: usize = 5;
 /// The least total anywhere else, unless the best blocks agree so well that the others must be covered.
 const FOUND_ELSEWHERE: f64 = 0.42;
 const PERFECT: f64 = 0.93;
-const FEW: usize = 5;
 /// What is usual before anything has been found: then the absolute limit decides.
 const USUAL: (f64, f64) = (1.0, 0.0);
 /// What is left of the motion after each frame in which the object is lost.
@@ -62,13 +63,14 @@ const SLOWER: f64 = 0.8;
 /// Total from which there is no doubt that the object is where it seems to be.
 const SURE: f64 = 0.45;
 /// Motion between frames from which blur tells of the exposure, px; into how many steps exposures are divided, what they
-/// must be better by than none, how far each frame is followed, and of how many frames
-/// one is looked at while there is no blur.
+/// must be better by than none, how far each frame is followed, and of how many frames one is looked at while there is no
+/// blur.
 const FAST: f64 = 10.0;
 const EXPOSURES: usize = 5;
 const SURER: f64 = 0.012;
 const FOLLOW: f64 = 0.4;
 const OFTEN: usize = 4;
+
 /// The tracker `best`; its similarity is the mean of the cubed correlations of the template's blocks, 0 to 1 (blocks
 /// outside the image count less).
 pub struct Best {
@@ -107,6 +109,8 @@ pub struct Best {
     moved: usize,
     /// Frames in a row in which it was not sure that the object was found.
     unsure: usize,
+    /// Parts of the whole image's scan that have been done.
+    scans: usize,
     /// Frames since the object was last found, and of these those in which flow was believed.
     lost: usize,
     /// Places in the base that flow follows, and pairs of places in the last frame and this one.
@@ -165,6 +169,7 @@ impl Best {
             gains: [0.0; EXPOSURES + 1],
             moved: 0,
             unsure: 0,
+            scans: 0,
             lost: 0,
             nodes: Vec::new(),
             from: Vec::new(),
@@ -303,6 +308,7 @@ impl Tracker for Best {
         self.last = 1.0;
         self.doubtful = 0;
         self.unsure = 0;
+        self.scans = 0;
         self.gains = [0.0; EXPOSURES + 1];
         self.moved = 0;
         self.lost = 0;

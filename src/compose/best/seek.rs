@@ -37,6 +37,7 @@ const STANDS_OUT: f32 = 9.0;
 /// and most that are aligned to the end.
 const GLANCE: usize = 200;
 const KEPT: (usize, usize, usize) = (10, 3, 2);
+
 /// The plane's motion between frames.
 struct Plane;
 
@@ -279,7 +280,8 @@ impl Best {
         if all && !good(self, &best, 0.0, 0.0) {
             // It may be anywhere, and look like anything: a part of all this at a time.
             let upright = self.aligner.upright(frame);
-            let shift = self.unsure / 2 * SHARE;
+            let shift = self.scans * SHARE;
+            self.scans += 1;
             let every = |i: usize| {
                 let i = (shift + i) * STRIDE % (AROUND * SIZES.len());
                 Self::turned(
