@@ -1,12 +1,15 @@
 //! One tracker of its own: second-order alignment to the first frame's template over a pyramid, started from where the
-//! object should be, and, as long as the template does not agree there, from where flow, a coarse search and key points
-//! say it is.
+//! object should be, and, as long as the template does not agree there, from where flow, scans of a coarse level of the
+//! image and key points say it is. When motion blurs the image, the template is blurred the same way; how long the shutter
+//! is open is learnt from the frames.
 //!
 //! What decides is always the agreement of the template, block by block: a pose is taken when enough blocks agree, even
 //! if the others are covered or outside the image.
 
 mod align;
+mod scan;
 mod seek;
+mod smear;
 mod view;
 
 use super::feature::{FeatureParams, FeatureTracker};
@@ -18,6 +21,7 @@ use crate::image::Frame;
 use crate::ssm::Homography;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use align::{Aligner, Score};
+use scan::{Found, Scanner};
 use std::collections::VecDeque;
 
 crate::params! {
@@ -49,16 +53,42 @@ const FOUND: (f64, f64) = (0.72, 0.85);
 /// little like it.
 const FOUND_AGAIN: (f64, f64) = (0.8, 0.33);
 const FEW: usize = 5;
+/// The least total anywhere else, unless the best blocks agree so well that the others must be covered.
+const FOUND_ELSEWHERE: f64 = 0.42;
+const PERFECT: f64 = 0.93;
 /// What is usual before anything has been found: then the absolute limit decides.
 const USUAL: (f64, f64) = (1.0, 0.0);
+/// What is left of the motion after each frame in which the object is lost.
+const SLOWER: f64 = 0.8;
+/// Total from which there is no doubt that the object is where it seems to be.
+const SURE: f64 = 0.45;
+/// Motion between frames from which blur tells of the exposure, px; into how many steps exposures are divided, what they
+/// must be better by than none, how far each frame is followed, and of how many frames one is looked at while there is no
+/// blur.
+const FAST: f64 = 10.0;
+const EXPOSURES: usize = 5;
+const SURER: f64 = 0.012;
+const FOLLOW: f64 = 0.4;
+const OFTEN: usize = 4;
+
 /// The tracker `best`; its similarity is the mean of the cubed correlations of the template's blocks, 0 to 1 (blocks
 /// outside the image count less).
 pub struct Best {
     params: BestParams,
     aligner: Aligner,
+    scanner: Scanner,
+    /// Places of a scan, and those aligned coarsely, with their scores and contrasts.
+    places: Vec<Found>,
+    coarse: Vec<(Mat3, Score, f32)>,
     pose: Mat3,
+    /// Where the object was expected in the last frame.
+    expected: Mat3,
+    /// Whether what has been found in this frame is blurred by motion, once it is known.
+    blurred: Option<bool>,
     /// Motion in the image from the frame before the last to the last.
     motion: Mat3,
+    /// That of its middle, px; less and less of it while the object is lost.
+    speed: [f64; 2],
     previous: Option<Frame>,
     klt: Klt,
     estimator: Estimator,
@@ -74,6 +104,13 @@ pub struct Best {
     last: f64,
     /// Frames in a row in which what was found was little like the object.
     doubtful: usize,
+    /// Mean gain of the total with each exposure, and frames in which the object moved fast.
+    gains: [f64; EXPOSURES + 1],
+    moved: usize,
+    /// Frames in a row in which it was not sure that the object was found.
+    unsure: usize,
+    /// Parts of the whole image's scan that have been done.
+    scans: usize,
     /// Frames since the object was last found, and of these those in which flow was believed.
     lost: usize,
     /// Places in the base that flow follows, and pairs of places in the last frame and this one.
@@ -105,8 +142,14 @@ impl Best {
         Best {
             params,
             aligner: Aligner::default(),
+            scanner: Scanner::default(),
+            places: Vec::new(),
+            coarse: Vec::new(),
             pose: Mat3::identity(),
+            expected: Mat3::identity(),
+            blurred: None,
             motion: Mat3::identity(),
+            speed: [0.0; 2],
             previous: None,
             klt: Klt::new(klt),
             estimator: Estimator::new(estimator, 0),
@@ -123,6 +166,10 @@ impl Best {
             usual: USUAL,
             last: 1.0,
             doubtful: 0,
+            gains: [0.0; EXPOSURES + 1],
+            moved: 0,
+            unsure: 0,
+            scans: 0,
             lost: 0,
             nodes: Vec::new(),
             from: Vec::new(),
@@ -152,17 +199,67 @@ impl Best {
         self.usual = (median(|s| s.total), median(|s| s.best));
     }
 
-    /// Whether a score says that the object is there.
-    fn found(&self, score: &Score) -> bool {
-        let (part, total) = if self.lost == 0 && self.doubtful < FEW {
+    /// Whether the object is at a candidate.
+    fn found(&self, at: &seek::Candidate) -> bool {
+        let (part, total) = if !at.near {
+            (FOUND_AGAIN.0, FOUND_ELSEWHERE)
+        } else if self.lost == 0 && self.doubtful < FEW {
             (FOUND.0, 0.0)
         } else {
             FOUND_AGAIN
         };
-        score.total >= total
+        let score = &at.score;
+        (score.total >= total || score.best >= PERFECT && score.total >= FOUND_AGAIN.1)
             && score.best >= self.params.best_found.max(part * self.usual.1)
             && score.agreeing >= AGREEING.0
             && score.agree >= AGREEING.1
+    }
+
+    /// Looks for the exposure that explains best, over the last frames, how an object that moves fast is blurred.
+    fn learn_exposure(&mut self, frame: &Frame, pose: &Mat3) {
+        let judge = self.params.best_judge;
+        if self.aligner.way(pose) < FAST {
+            return;
+        }
+        self.moved += 1;
+        if self.moved > OFTEN && self.aligner.smear.exposure == 0.0 && self.moved % OFTEN != 0 {
+            return;
+        }
+        let mut sharp = 0.0;
+        for (k, gain) in self.gains.iter_mut().enumerate() {
+            self.aligner.smear.exposure = k as f64 / EXPOSURES as f64;
+            let total = self.aligner.assess(frame, pose, judge).total;
+            if k == 0 {
+                sharp = total;
+            }
+            *gain += (total - sharp - *gain) * FOLLOW.max(1.0 / self.moved as f64);
+        }
+        let gains = &self.gains;
+        let best = (0..=EXPOSURES).fold(0, |best, k| if gains[k] > gains[best] { k } else { best });
+        self.aligner.smear.exposure = if gains[best] < SURER {
+            0.0
+        } else {
+            // The top of the parabola through it and its neighbours.
+            let (below, above) = (gains[best - 1], gains[(best + 1).min(EXPOSURES)]);
+            let bend = below - 2.0 * gains[best] + above;
+            let top = if bend < 0.0 {
+                0.5 * (below - above) / bend
+            } else {
+                0.0
+            };
+            ((best as f64 + top.clamp(-0.5, 0.5)) / EXPOSURES as f64).min(1.0)
+        };
+    }
+
+    /// Goes on for a while as the object moved last, as long as its middle stays within the image.
+    fn drift(&mut self, frame: &Frame) {
+        let [dx, dy] = self.speed;
+        let next = Mat3::new(1.0, 0.0, dx, 0.0, 1.0, dy, 0.0, 0.0, 1.0) * self.pose;
+        let [x, y] = homography::apply(&next, [0.0; 2]);
+        if x >= 0.0 && y >= 0.0 && x < frame.width() as f64 && y < frame.height() as f64 {
+            self.pose = next;
+        }
+        self.speed = self.speed.map(|v| v * SLOWER);
     }
 
     /// Moves to a pose; flow follows the blocks that agree there.
@@ -170,6 +267,12 @@ impl Best {
         if let Some(back) = self.pose.try_inverse() {
             let motion = pose * back;
             self.motion = motion / motion[(2, 2)];
+        }
+        if self.unsure == 0 {
+            let [from, to] = [&self.pose, &pose].map(|p| homography::apply(p, [0.0; 2]));
+            self.speed = [to[0] - from[0], to[1] - from[1]];
+        } else {
+            self.speed = self.speed.map(|v| v * SLOWER);
         }
         self.pose = pose;
         let judge = self.params.best_judge;
@@ -195,6 +298,7 @@ impl Tracker for Best {
             .aligner
             .pose_at(corners)
             .ok_or(TrackError::BadRegion("corners are not a convex quadrilateral"))?;
+        self.scanner.learn(frame, corners);
         self.features.reseed(self.seed);
         self.estimator.reseed(self.seed ^ 1);
         // Without key points all else works.
@@ -203,9 +307,14 @@ impl Tracker for Best {
         self.usual = USUAL;
         self.last = 1.0;
         self.doubtful = 0;
+        self.unsure = 0;
+        self.scans = 0;
+        self.gains = [0.0; EXPOSURES + 1];
+        self.moved = 0;
         self.lost = 0;
         self.settle(frame, self.pose);
         self.motion = Mat3::identity();
+        self.speed = [0.0; 2];
         self.previous = Some(frame.clone());
         Ok(())
     }
@@ -215,12 +324,21 @@ impl Tracker for Best {
             return Err(TrackError::NotInitialised);
         }
         self.iterations = 0;
+        let back = self.pose.try_inverse().filter(|_| self.lost == 0);
+        self.aligner.smear.back = back;
         let (best, coast) = self.locate(frame);
+        self.aligner.smear.back = back;
         let score = best.map_or(Score::default(), |b| b.score);
-        if let Some(b) = best.filter(|b| self.found(&b.score)) {
+        let sure = best.is_some_and(|b| self.found(&b) && b.score.total >= SURE);
+        self.unsure = if sure { 0 } else { self.unsure + 1 };
+        if let Some(b) = best.filter(|b| self.found(b)) {
+            if score.total >= SURE {
+                self.learn_exposure(frame, &b.pose);
+            }
             self.settle(frame, b.pose);
             if self.lost > 0 {
                 self.motion = Mat3::identity();
+                self.speed = [0.0; 2];
             }
             self.lost = 0;
             self.remember(score);
@@ -233,7 +351,10 @@ impl Tracker for Best {
                     self.pose = pose;
                     self.previous = Some(frame.clone());
                 }
-                None => self.lost = self.lost.max(self.params.best_coast),
+                None => {
+                    self.lost = self.lost.max(self.params.best_coast);
+                    self.drift(frame);
+                }
             }
             self.motion = Mat3::identity();
         }
@@ -255,6 +376,7 @@ impl Tracker for Best {
         let pose = self.aligner.pose_at(corners);
         self.pose = pose.ok_or(TrackError::BadRegion("corners are not a convex quadrilateral"))?;
         self.motion = Mat3::identity();
+        self.speed = [0.0; 2];
         Ok(())
     }
 
@@ -277,7 +399,7 @@ impl Tracker for Best {
     }
 
     fn memory(&self) -> usize {
-        self.aligner.memory() + self.klt.memory() + self.features.memory()
+        self.aligner.memory() + self.scanner.memory() + self.klt.memory() + self.features.memory()
     }
 }
 

@@ -20,6 +20,7 @@ mod pixelwise;
 mod reduce;
 mod robust;
 mod sample;
+mod scan;
 mod steepest;
 pub mod stencil;
 mod tone;
@@ -45,6 +46,7 @@ pub use pixelwise::{
 pub use reduce::{add_scaled, combine, dot, rescale, squared_distance, subtract, subtract_from, sum};
 pub use robust::{add_steep, huber, keep_close, tukey, weighted_squares};
 pub use sample::{Border, Grid2, image_hessian, sample, sample_gradient, sample_reference};
+pub use scan::{SCAN_SLACK, correlate_along};
 pub use steepest::{Column, Covectors, steepest, steepest_reference};
 pub use tone::{
     Window, blend_weights, line_shift, line_sums, linear_shift, shifted_residual, step_shift, tone_bins,

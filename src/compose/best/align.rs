@@ -11,6 +11,7 @@ mod step;
 
 pub(super) use score::Score;
 
+use super::smear::Smear;
 use super::view::{Base, View, WARP, columns};
 use crate::geom::solve::SymMatrix;
 use crate::geom::{Corners, Mat3, homography};
@@ -19,9 +20,12 @@ use crate::kernels::{self, Column};
 use score::Seen;
 
 /// Largest change of size since the first frame, octaves.
-const ZOOM: f64 = 3.0;
-/// Least depth of a corner, as a fraction of that of the object's middle.
-const NEAREST: f64 = 0.03;
+const ZOOM: f64 = 2.5;
+/// Least depth of a corner, as a fraction of that of the object's middle, and least where the object has just been found.
+const NEAREST: (f64, f64) = (0.03, 0.4);
+/// Largest ratio of the magnifications along and across the direction in which the object is stretched most, and where it
+/// has just been found.
+const STRETCH: (f64, f64) = (8.0, 3.5);
 /// Places along a side of the grid that tells how much is seen.
 const GRID: usize = 6;
 /// Mean correlation of the best blocks below which nothing is there.
@@ -37,7 +41,11 @@ pub(super) struct Aligner {
     grid: Vec<[f64; 2]>,
     /// Finest first, one per level.
     pub views: Vec<View>,
+    /// Motion blur of the views.
+    pub smear: Smear,
     columns: Option<[Column; WARP]>,
+    /// Inverse of the pose that the alignment started from.
+    anchor: Mat3,
     px: Vec<f32>,
     py: Vec<f32>,
     gx: Vec<f32>,
@@ -70,6 +78,7 @@ impl Aligner {
         let levels = 0..frame.levels();
         self.views
             .extend(levels.map_while(|level| View::new(frame, corners, &base, level, most)));
+        self.smear.learn(frame, &self.views);
         let n = self.views.iter().map(View::len).max().unwrap_or(0);
         for buffer in [
             &mut self.px,
@@ -88,6 +97,13 @@ impl Aligner {
     /// Pose at which the object is at `corners`.
     pub fn pose_at(&self, corners: &Corners) -> Option<Mat3> {
         homography::from_corners(&self.quad, corners)
+    }
+
+    /// Pose at which the object is as in the template, in the middle of the image.
+    pub fn upright(&self, frame: &Frame) -> Mat3 {
+        let (x, y) = (frame.width() as f64 / 2.0, frame.height() as f64 / 2.0);
+        let unit = self.base.unit;
+        Mat3::new(unit, 0.0, x, 0.0, unit, y, 0.0, 0.0, 1.0)
     }
 
     /// The object's corners at a pose, px.
@@ -126,14 +142,35 @@ impl Aligner {
     /// Whether a pose shows the front of the object before the camera, some of it in the image, at a sensible size.
     pub fn sound(&self, pose: &Mat3, frame: &Frame) -> bool {
         let corners = self.corners(pose);
-        let ahead =
-            |c: &[f64; 2]| pose[(2, 0)] * c[0] + pose[(2, 1)] * c[1] + pose[(2, 2)] > NEAREST * pose[(2, 2)];
+        let ahead = |c: &[f64; 2]| Self::depth(pose, *c) > NEAREST.0;
         corners.is_finite()
             && corners.is_convex()
             && corners.signed_area() * self.quad.signed_area() > 0.0
             && pose[(2, 2)] > 0.0
             && self.quad.0.iter().all(ahead)
+            && Self::stretch(pose) < STRETCH.0
             && self.zoom(pose, frame).is_some_and(|z| z.abs() < ZOOM)
+    }
+
+    /// Whether a sound pose is an ordinary one, which the object may be found at out of nothing.
+    pub fn ordinary(&self, pose: &Mat3) -> bool {
+        self.quad.0.iter().all(|c| Self::depth(pose, *c) > NEAREST.1) && Self::stretch(pose) < STRETCH.1
+    }
+
+    /// Depth of a place, as a fraction of that of the object's middle.
+    fn depth(pose: &Mat3, [x, y]: [f64; 2]) -> f64 {
+        (pose[(2, 0)] * x + pose[(2, 1)] * y) / pose[(2, 2)] + 1.0
+    }
+
+    /// Ratio of the largest to the smallest magnification in the middle of the object.
+    fn stretch(pose: &Mat3) -> f64 {
+        let [x, y] = homography::apply(pose, [0.0; 2]);
+        let entry = |r: usize, c: usize, v: f64| (pose[(r, c)] - v * pose[(2, c)]) / pose[(2, 2)];
+        let (a, b, c, d) = (entry(0, 0, x), entry(0, 1, x), entry(1, 0, y), entry(1, 1, y));
+        let (sum, product) = (a * a + b * b + c * c + d * d, (a * d - b * c).abs());
+        // Singular values s, t: s² + t² and s t.
+        let root = (sum * sum - 4.0 * product * product).max(0.0).sqrt();
+        (sum + root) / (2.0 * product)
     }
 
     /// How many octaves the object is larger than in the template, rounded.
@@ -160,6 +197,16 @@ impl Aligner {
         enough
             .saturating_sub((-self.octaves(pose, frame)).max(0) as usize)
             .min(self.top(pose, frame))
+    }
+
+    /// Blurs a view as the motion to a pose does.
+    fn expose(&mut self, pose: &Mat3, view: usize) {
+        self.smear.apply(&mut self.views[view], view, &self.base, pose);
+    }
+
+    /// How far the object has moved since the frame before, px of the template's frame.
+    pub fn way(&self, pose: &Mat3) -> f64 {
+        self.smear.way(&self.base, pose)
     }
 
     /// Puts a view's points into the image at a level.
@@ -192,9 +239,25 @@ impl Aligner {
 
     /// Aligns from a pose, coarse to fine; the pose and its score, and iterations.
     pub fn align(&mut self, frame: &Frame, start: &Mat3, points: usize) -> Option<(Mat3, Score, u32)> {
+        let (mut pose, mut score, mut iterations) = self.coarse(frame, start, points, 10)?;
+        if score.best >= NOTHING {
+            self.fine(frame, (&mut pose, &mut score, &mut iterations), points);
+        }
+        Some((pose, score, iterations))
+    }
+
+    /// Aligns from a pose at the coarse levels, down to that at which poses are judged, by at most `most` steps at each.
+    pub fn coarse(
+        &mut self,
+        frame: &Frame,
+        start: &Mat3,
+        points: usize,
+        most: u32,
+    ) -> Option<(Mat3, Score, u32)> {
         if !self.sound(start, frame) {
             return None;
         }
+        self.anchor = start.try_inverse()?;
         let mut pose = *start;
         let mut iterations = 0;
         let judge = self.judge(&pose, frame, points);
@@ -202,7 +265,7 @@ impl Aligner {
         let mut score = first;
         for k in (judge..=self.top(&pose, frame)).rev() {
             let mut next = pose;
-            let Some(n) = self.refine(frame, &mut next, k, 10, 0.03) else {
+            let Some(n) = self.refine(frame, &mut next, k, most, 0.03) else {
                 continue;
             };
             (pose, iterations) = (next, iterations + n);
@@ -214,27 +277,33 @@ impl Aligner {
                 }
             }
         }
-        if score.best < NOTHING {
-            return Some((pose, score, iterations));
-        }
-        for k in (0..self.judge(&pose, frame, points)).rev() {
-            let mut finer = pose;
+        Some((pose, score, iterations))
+    }
+
+    /// Aligns further, at the fine levels.
+    pub fn fine(
+        &mut self,
+        frame: &Frame,
+        (pose, score, iterations): (&mut Mat3, &mut Score, &mut u32),
+        points: usize,
+    ) {
+        for k in (0..self.judge(pose, frame, points)).rev() {
+            let mut finer = *pose;
             let Some(n) = self.refine(frame, &mut finer, k, 8, if k == 0 { 0.01 } else { 0.03 }) else {
                 break;
             };
-            iterations += n;
+            *iterations += n;
             let now = self.assess(frame, &finer, points);
             // Where motion blurs the image, there may be nothing to see at finer levels.
             if now.total < score.total - 0.03 {
                 break;
             }
-            (pose, score) = (finer, now);
+            (*pose, *score) = (finer, now);
         }
-        Some((pose, score, iterations))
     }
 
     /// Bytes kept between frames.
     pub fn memory(&self) -> usize {
-        self.views.iter().map(View::memory).sum::<usize>() + 20 * self.px.capacity()
+        self.views.iter().map(View::memory).sum::<usize>() + self.smear.memory() + 20 * self.px.capacity()
     }
 }

@@ -1,26 +1,42 @@
 //! Where the object may be in a frame: candidates from motion, flow, searches and key points, each aligned and judged.
 
 use super::align::Score;
-use super::{Best, FOUND};
+use super::{Best, FOUND, SURE};
 use crate::estimate::PointModel;
 use crate::geom::{Mat3, homography};
 use crate::image::Frame;
 use crate::tracker::Tracker;
 
-/// What a later candidate must be better by.
-const MARGIN: f64 = 0.03;
+/// What a later candidate must be better by, around the last place and elsewhere.
+const MARGIN: (f64, f64) = (0.03, 0.1);
+/// Total from which no other blur is tried, and what blur must be better by than none.
+const CLEAR: f64 = 0.97;
+const BLURRED: f64 = 0.015;
+/// Farthest that an object may be from where it was expected to count as near, as a fraction of its size.
+const NEAR: f64 = 0.5;
 /// Fewest points that flow is believed with, and least share of them.
 const FLOW: (usize, f64) = (8, 0.6);
-/// Rotations, degrees, and magnifications of the wider search.
-const TURNS: [f64; 6] = [-16.0, 16.0, -32.0, 32.0, -55.0, 55.0];
-const ZOOMS: [f64; 2] = [0.8, 1.25];
-/// When it has been lost: turns to a full circle, magnifications, how much wider the search is, how many of all pairs are
-/// tried in a frame, and the step through them, prime to their number.
+/// Turns, degrees, and magnifications of the scan around the last place.
+const TURNS: [f64; 7] = [0.0, -18.0, 18.0, -36.0, 36.0, -55.0, 55.0];
+const ZOOMS: [f64; 3] = [1.0, 0.75, 1.35];
+/// Those of the scan of the whole image: turns to a full circle, magnifications relative to the template.
 const AROUND: usize = 12;
-const SIZES: [f64; 5] = [1.0, 0.63, 1.6, 0.4, 2.5];
+const SIZES: [f64; 5] = [1.0, 0.7, 1.4, 0.5, 2.0];
+/// How many of all their pairs are tried in a frame, and the step through them, prime to their number.
+const SHARE: usize = 20;
+const STRIDE: usize = 23;
+/// How much wider the scan around the last place is than the first one.
 const FARTHER: f64 = 3.0;
-const SHARE: usize = 6;
-const STRIDE: usize = 7;
+/// Frames for which it is looked for around the last place first.
+const FRESH: usize = 6;
+/// Most steps at each coarse level from a place of a scan.
+const STEPS: u32 = 7;
+/// Contrast from which a place is no coincidence, standard deviations.
+const STANDS_OUT: f32 = 9.0;
+/// Points that poses of a scan are first aligned with, most of those, most that are aligned with as many points as others,
+/// and most that are aligned to the end.
+const GLANCE: usize = 200;
+const KEPT: (usize, usize, usize) = (10, 3, 2);
 
 /// The plane's motion between frames.
 struct Plane;
@@ -45,25 +61,64 @@ impl PointModel for Plane {
 pub(super) struct Candidate {
     pub pose: Mat3,
     pub score: Score,
+    /// Whether it is near where the object was expected, or stands out so much that it might as well be.
+    pub near: bool,
 }
 
 impl Best {
-    /// Aligns from a start and keeps the result when it is the best.
+    /// Aligns from a start, with the motion blur that is expected and, until it is known which is right, without, and keeps
+    /// the result when it is the best.
     fn attempt(&mut self, frame: &Frame, start: &Mat3, best: &mut Option<Candidate>) {
-        let Some((pose, score, iterations)) = self.aligner.align(frame, start, self.params.best_judge) else {
+        let exposure = self.aligner.smear.exposure;
+        if self.blurred == Some(false) {
+            self.aligner.smear.exposure = 0.0;
+        }
+        let expected = self.aligned(frame, start);
+        let mut sharp = None;
+        if exposure > 0.0 && self.blurred.is_none() && expected.is_none_or(|b| b.1.total < CLEAR) {
+            self.aligner.smear.exposure = 0.0;
+            sharp = self.aligned(frame, start);
+        }
+        self.aligner.smear.exposure = exposure;
+        let clearer = |b: &(Mat3, Score)| sharp.is_none_or(|s| b.1.total > s.1.total + BLURRED);
+        let blurred = expected.filter(clearer);
+        let Some((pose, score)) = blurred.or(sharp) else {
             return;
         };
+        let new = self.candidate(pose, score);
+        if sharp.is_some() && self.found(&new) {
+            self.blurred = Some(blurred.is_some());
+        }
+        self.offer(new, best);
+    }
+
+    fn aligned(&mut self, frame: &Frame, start: &Mat3) -> Option<(Mat3, Score)> {
+        let (pose, score, iterations) = self.aligner.align(frame, start, self.params.best_judge)?;
         self.iterations += iterations;
+        Some((pose, score))
+    }
+
+    /// A pose with its score, which may be near where the object was expected.
+    fn candidate(&self, pose: Mat3, score: Score) -> Candidate {
+        let (to, from) = (self.aligner.corners(&pose), self.aligner.corners(&self.expected));
+        let far = (to.distance_squared(&from) / 4.0).sqrt();
+        let near = far <= NEAR * from.signed_area().abs().sqrt();
+        Candidate { pose, score, near }
+    }
+
+    /// Keeps a candidate when it is the best.
+    fn offer(&self, new: Candidate, best: &mut Option<Candidate>) {
         let better = |b: &Candidate| {
-            let found = (self.found(&score), self.found(&b.score));
+            let found = (self.found(&new), self.found(b));
             if found.0 == found.1 {
-                score.total > b.score.total + MARGIN
+                let margin = if new.near { MARGIN.0 } else { MARGIN.1 };
+                new.score.total > b.score.total + margin
             } else {
                 found.0
             }
         };
         if best.as_ref().is_none_or(better) {
-            *best = Some(Candidate { pose, score });
+            *best = Some(new);
         }
     }
 
@@ -91,33 +146,58 @@ impl Best {
     }
 
     /// Turns and scales a pose about the object's centre.
-    fn turned(pose: &Mat3, degrees: f64, zoom: f64) -> Mat3 {
+    pub(super) fn turned(pose: &Mat3, degrees: f64, zoom: f64) -> Mat3 {
         let (s, c) = libm::sincos(degrees.to_radians());
         pose * Mat3::new(zoom * c, -zoom * s, 0.0, zoom * s, zoom * c, 0.0, 0.0, 0.0, 1.0)
     }
 
-    /// Searches with each of some turns, in degrees, and magnifications, and aligns from the best.
+    /// Scans for each of some poses, and aligns from the best places.
     fn sweep(
         &mut self,
         frame: &Frame,
-        from: &Mat3,
-        looks: impl IntoIterator<Item = (f64, f64)>,
+        poses: impl IntoIterator<Item = Mat3>,
         reach: f64,
+        kept: (usize, usize, usize),
         best: &mut Option<Candidate>,
     ) {
-        let mut widest: Option<(Mat3, f64)> = None;
-        for (turn, zoom) in looks {
-            let start = Self::turned(from, turn, zoom);
-            let found = self.aligner.search(frame, &start, reach);
-            if let Some(f) = found
-                && widest.is_none_or(|w| f.1 > w.1)
-            {
-                widest = Some(f);
+        let mut found = std::mem::take(&mut self.places);
+        found.clear();
+        for pose in poses {
+            if self.aligner.sound(&pose, frame) {
+                self.scanner.scan(frame, &pose, reach, &mut found);
             }
         }
-        if let Some((pose, _)) = widest {
-            self.attempt(frame, &pose, best);
+        found.sort_by(|a, b| b.contrast.total_cmp(&a.contrast));
+        found.truncate(kept.0);
+        let judge = self.params.best_judge;
+        let mut coarse = std::mem::take(&mut self.coarse);
+        coarse.clear();
+        coarse.extend(
+            found
+                .iter()
+                .map(|place| (place.pose, Score::default(), place.contrast)),
+        );
+        for (points, most, most_steps) in [(GLANCE, kept.1, 4), (judge, kept.2, STEPS)] {
+            for (pose, score, _) in &mut coarse {
+                let aligned = self.aligner.coarse(frame, pose, points, most_steps);
+                let (next, reached, n) = aligned.unwrap_or((*pose, Score::default(), 0));
+                (*pose, *score) = (next, reached);
+                self.iterations += n;
+            }
+            coarse.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
+            coarse.truncate(most);
         }
+        for (start, _, contrast) in &coarse {
+            if let Some((pose, score)) = self.aligned(frame, start)
+                && self.aligner.ordinary(&pose)
+            {
+                let mut new = self.candidate(pose, score);
+                new.near |= *contrast >= STANDS_OUT;
+                self.offer(new, best);
+            }
+        }
+        self.places = found;
+        self.coarse = coarse;
     }
 
     /// The pose at which the key points say the object is: near the last one, or anywhere.
@@ -145,11 +225,13 @@ impl Best {
             && self.aligner.assess(frame, &ahead, judge).total
                 > self.aligner.assess(frame, &hold, judge).total;
         let first = if moving { ahead } else { hold };
+        self.expected = first;
+        self.blurred = None;
         let mut best = None;
         let mut coast = None;
         let good = |this: &Self, best: &Option<Candidate>, total: f64, part: f64| {
             best.as_ref()
-                .is_some_and(|b| this.found(&b.score) && b.score.total >= total && b.score.best >= part)
+                .is_some_and(|b| this.found(b) && b.score.total >= total.max(SURE) && b.score.best >= part)
         };
         self.attempt(frame, &first, &mut best);
         if good(self, &best, enough, 0.0) {
@@ -162,38 +244,53 @@ impl Best {
         if good(self, &best, enough, 0.0) {
             return (best, None);
         }
-        if let Some((pose, _)) = self.aligner.search(frame, &first, self.params.best_reach) {
-            self.attempt(frame, &pose, &mut best);
-        }
+        let reach = self.params.best_reach;
+        self.sweep(frame, [first], reach, (1, 1, 1), &mut best);
         // What covers the object does so little by little; when much of it disagrees at once, the pose is wrong.
         let sudden = self.params.best_enough * self.usual.0.min(self.last);
         if good(self, &best, sudden, certain) {
             return (best, coast);
         }
-        let near = TURNS
-            .iter()
-            .map(|t| (*t, 1.0))
-            .chain(ZOOMS.iter().map(|z| (0.0, *z)));
-        self.sweep(frame, &first, near, self.params.best_reach, &mut best);
-        if !good(self, &best, 0.0, certain)
+        // All of this in the first frame, then by turns, more often while there is nothing to go by.
+        let held = best.as_ref().is_some_and(|b| self.found(b));
+        let turn = self.unsure % if held { 6 } else { 4 };
+        let (around, keys, all) = if self.unsure == 0 {
+            (true, true, true)
+        } else if held {
+            (turn == 0, turn == 2, turn == 4)
+        } else {
+            (turn == 0 || self.unsure < FRESH, turn == 2, turn % 2 == 1)
+        };
+        if around {
+            let near = |i: usize| Self::turned(&first, TURNS[i / ZOOMS.len()], ZOOMS[i % ZOOMS.len()]);
+            let poses = (0..TURNS.len() * ZOOMS.len()).map(near);
+            self.sweep(frame, poses, FARTHER * reach, KEPT, &mut best);
+            if good(self, &best, 0.0, certain) {
+                return (best, coast);
+            }
+        }
+        // How it has moved to wherever it may be is not known.
+        self.aligner.smear.back = None;
+        if keys
             && let Some(pose) = self.key_points(frame, &first)
+            && self.aligner.ordinary(&pose)
         {
             self.attempt(frame, &pose, &mut best);
         }
-        if self.lost > 0 && !best.as_ref().is_some_and(|b| self.found(&b.score)) {
-            // It may be anywhere by now, and look like anything: a part of all this in each frame.
+        if all && !good(self, &best, 0.0, 0.0) {
+            // It may be anywhere, and look like anything: a part of all this at a time.
+            let upright = self.aligner.upright(frame);
+            let shift = self.scans * SHARE;
+            self.scans += 1;
             let every = |i: usize| {
-                let i = (self.lost * SHARE + i) * STRIDE % (AROUND * SIZES.len());
-                (360.0 / AROUND as f64 * (i % AROUND) as f64, SIZES[i / AROUND])
+                let i = (shift + i) * STRIDE % (AROUND * SIZES.len());
+                Self::turned(
+                    &upright,
+                    360.0 / AROUND as f64 * (i % AROUND) as f64,
+                    SIZES[i / AROUND],
+                )
             };
-            let reach = FARTHER * self.params.best_reach;
-            self.sweep(
-                frame,
-                &first,
-                std::array::from_fn::<_, SHARE, _>(every),
-                reach,
-                &mut best,
-            );
+            self.sweep(frame, (0..SHARE).map(every), f64::INFINITY, KEPT, &mut best);
         }
         (best, coast)
     }

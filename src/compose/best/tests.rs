@@ -120,6 +120,42 @@ fn it_recovers_after_a_jump_while_half_covered() {
 }
 
 #[test]
+fn a_scan_finds_the_object_wherever_it_is_though_half_covered() {
+    for (degrees, zoom, shift, covered) in [
+        (90.0, 1.0, [-70.0, 30.0], 0.0),
+        (0.0, 1.6, [60.0, 40.0], 0.4),
+        (180.0, 0.6, [120.0, 90.0], 0.4),
+        // Part of it outside the image.
+        (45.0, 1.0, [180.0, 60.0], 0.0),
+    ] {
+        let mut tracker = started();
+        let m = motion(degrees, zoom, shift);
+        let frame = scene(&m, covered);
+        let looks = [(0.0, 0.0), (degrees + 5.0, zoom * 1.05), (degrees + 60.0, 1.0)];
+        let mut found = Vec::new();
+        for (turn, size) in looks {
+            let pose = Best::turned(&tracker.aligner.upright(&frame), turn, size);
+            tracker.scanner.scan(&frame, &pose, f64::INFINITY, &mut found);
+        }
+        let truth = homography::apply(&(m * tracker.pose), [0.0; 2]);
+        let there = |f: &&Found| {
+            let at = homography::apply(&f.pose, [0.0; 2]);
+            (at[0] - truth[0]).hypot(at[1] - truth[1]) < 14.0
+        };
+        let best = found.iter().find(there);
+        assert!(best.is_some_and(|f| f.contrast > 3.0), "{degrees} {found:?}");
+    }
+    let mut tracker = started();
+    let pose = tracker.pose;
+    let mut found = Vec::new();
+    let flat = Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, |_, _| 80.0));
+    tracker.scanner.scan(&flat, &pose, 50.0, &mut found);
+    let nan = Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, |_, _| f32::NAN));
+    tracker.scanner.scan(&nan, &pose, 50.0, &mut found);
+    assert!(found.is_empty(), "{found:?}");
+}
+
+#[test]
 fn it_stays_where_it_was_when_there_is_nothing_and_finds_the_object_again() {
     let mut tracker = started();
     let empty = Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, |x, y| {

@@ -200,17 +200,12 @@ impl View {
             first = last;
             let mean =
                 |v: &[f32]| v[range.clone()].iter().map(|v| f64::from(*v)).sum::<f64>() / range.len() as f64;
-            let square = value[range.clone()]
-                .iter()
-                .map(|v| (f64::from(*v) - mean(&value)).powi(2))
-                .sum::<f64>();
-            let deviation = (square / range.len() as f64).sqrt();
             Block {
                 centre: [mean(&x), mean(&y)],
                 count: range.len() as f64,
-                mean: mean(&value),
-                deviation,
-                textured: deviation >= TEXTURE,
+                mean: 0.0,
+                deviation: 0.0,
+                textured: false,
                 cell,
             }
         });
@@ -221,7 +216,7 @@ impl View {
             neighbours.extend((0..blocks.len()).filter(|&k| beside(&blocks[k])));
             neighbour_ends.push(neighbours.len());
         }
-        Some(View {
+        let mut view = View {
             x,
             y,
             ends,
@@ -230,7 +225,32 @@ impl View {
             neighbours,
             own,
             work,
-        })
+        };
+        view.measure();
+        Some(view)
+    }
+
+    /// Takes note of mean and contrast of the template in each block.
+    pub fn measure(&mut self) {
+        let mut first = 0;
+        let value = self.work.col(TEMPLATE);
+        for (block, &last) in self.blocks.iter_mut().zip(&self.ends) {
+            let values = value[first..last].iter().map(|v| f64::from(*v));
+            first = last;
+            block.mean = values.clone().sum::<f64>() / block.count;
+            let squares = values.map(|v| (v - block.mean).powi(2)).sum::<f64>();
+            block.deviation = (squares / block.count).sqrt();
+            block.textured = block.deviation >= TEXTURE;
+        }
+    }
+
+    /// Takes over the template of a view with the same points.
+    pub fn copy_template(&mut self, other: &View) {
+        self.work
+            .col_mut(TEMPLATE)
+            .copy_from_slice(other.work.col(TEMPLATE));
+        self.own.copy_from(&other.own);
+        self.blocks.copy_from_slice(&other.blocks);
     }
 
     /// The blocks beside a block.

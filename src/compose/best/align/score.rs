@@ -12,12 +12,6 @@ const GAIN: (f64, f64) = (0.1, 10.0);
 const FLAT: f64 = 0.05;
 /// Correlation from which a block agrees.
 const AGREES: f64 = 0.7;
-/// Least points that poses are searched with, and what a pose at the border of the search must be better by.
-const SEARCH: usize = 180;
-const NEARER: f64 = 0.02;
-/// Farthest search, pixels of the level.
-const REACH: f64 = 16.0;
-
 /// How well the template agrees with the image at a pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::compose::best) struct Score {
@@ -110,54 +104,13 @@ impl Aligner {
         }
         let (view, level) = self.pair(pose, frame, self.judge(pose, frame, points));
         let image = frame.level(level, 1).gray();
+        self.expose(pose, view);
         self.place(pose, view, level);
         let n = self.views[view].len();
         let (px, py) = (&self.px[..n], &self.py[..n]);
         let outside = kernels::sample(plane(image), Border::Constant, px, py, &mut self.value[..n]);
         self.look(view, image, outside);
         self.score(view)
-    }
-
-    /// The pose shifted within `radius` px of the image so that it agrees best on a coarse level, in whole pixels of that
-    /// level; and how well.
-    pub fn search(&mut self, frame: &Frame, pose: &Mat3, radius: f64) -> Option<(Mat3, f64)> {
-        if !self.sound(pose, frame) {
-            return None;
-        }
-        let mut k = self.top(pose, frame);
-        while k > 0 && self.views[self.pair(pose, frame, k).0].len() < SEARCH {
-            k -= 1;
-        }
-        let (view, level) = self.pair(pose, frame, k);
-        let image = frame.level(level, 1).gray();
-        let unit = f64::from(1u32 << level);
-        self.place(pose, view, level);
-        let n = self.views[view].len();
-        let reach = (radius / unit).ceil().min(REACH) as i32;
-        let (mut best, mut at) = (f64::NEG_INFINITY, [0, 0]);
-        for dy in -reach..=reach {
-            for dx in -reach..=reach {
-                // Row by row from the upper left: each position is one pixel from the one before or at the next row's start.
-                let step = match (dx == -reach, dy == -reach) {
-                    (true, true) => [-reach as f32, -reach as f32],
-                    (true, false) => [-2.0 * reach as f32, 1.0],
-                    _ => [1.0, 0.0],
-                };
-                self.px[..n].iter_mut().for_each(|v| *v += step[0]);
-                self.py[..n].iter_mut().for_each(|v| *v += step[1]);
-                let (px, py) = (&self.px[..n], &self.py[..n]);
-                let outside = kernels::sample(plane(image), Border::Constant, px, py, &mut self.value[..n]);
-                self.look(view, image, outside);
-                let far = f64::from(dx * dx + dy * dy).sqrt() / f64::from(reach.max(1));
-                let total = self.score(view).total - NEARER * far;
-                if total > best {
-                    (best, at) = (total, [dx, dy]);
-                }
-            }
-        }
-        let [dx, dy] = at.map(|v| f64::from(v) * unit);
-        let shift = Mat3::new(1.0, 0.0, dx, 0.0, 1.0, dy, 0.0, 0.0, 1.0);
-        Some((shift * pose, best))
     }
 
     /// Blocks of the last assessed pose that agree: their centres in the base frame.

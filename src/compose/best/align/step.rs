@@ -17,6 +17,12 @@ const UNEVEN: f64 = 2.0;
 const DAMPING: f64 = 1e-4;
 /// Points from which all eight parameters are found, else six.
 const PROJECTIVE: usize = 250;
+/// Standard deviations of what a pose is expected to change by from where the alignment starts, in units of the base
+/// frame: shift, turn and scale, stretch and shear, perspective.
+const EXPECTED: [f64; 4] = [1.0, 0.5, 0.15, 0.08];
+/// Points whose residuals are as good as one independent one, and least variance of those.
+const ALIKE: f64 = 100.0;
+const NOISE: f64 = 4.0;
 /// Largest step, as a fraction of half the object's side.
 const STEP: f64 = 1.2;
 
@@ -46,6 +52,27 @@ impl Equations {
             self.g[a] += freed(a, TEMPLATE);
         }
         self.left += freed(TEMPLATE, TEMPLATE);
+    }
+}
+
+/// Pairs of entries whose sum and difference over two are expected to be small, with the kinds of `EXPECTED`: shift, scale
+/// and stretch, turn and shear, perspective.
+const KINDS: [(usize, usize, usize, usize); 4] = [(2, 5, 0, 0), (0, 4, 1, 2), (3, 1, 2, 1), (6, 7, 3, 3)];
+
+impl Equations {
+    /// Adds that the warp since the start, `I + deviation`, is expected to be small, with residuals of variance `noise`.
+    fn expect(&mut self, deviation: &Mat3, noise: f64) {
+        let entry = |k: usize| deviation[(k / 3, k % 3)];
+        for (a, b, sum, difference) in KINDS {
+            let [u, v] = [sum, difference].map(|k| ALIKE * noise / (EXPECTED[k] * EXPECTED[k]) / 2.0);
+            // u (p_a + p_b)² / 2 + v (p_a - p_b)² / 2
+            let (same, cross) = ((u + v) / 2.0, (u - v) / 2.0);
+            self.h[a][a] += same;
+            self.h[b][b] += same;
+            self.h[a.min(b)][a.max(b)] += cross;
+            self.g[a] -= same * entry(a) + cross * entry(b);
+            self.g[b] -= same * entry(b) + cross * entry(a);
+        }
     }
 }
 
@@ -98,6 +125,7 @@ impl Aligner {
         let image = frame.level(level, 1).gray();
         let unit = f64::from(1u32 << level);
         let columns = self.columns?;
+        self.expose(pose, view);
         for iteration in 1..=iterations {
             let (matrix, centre, scale) = self.place(pose, view, level);
             let n = self.views[view].len();
@@ -139,7 +167,9 @@ impl Aligner {
             }
             v.work.col_mut(IMAGE).copy_from_slice(&self.value[..n]);
             let order = if n < PROJECTIVE { 6 } else { WARP };
-            let step = self.step(view, order)?;
+            let deviation = self.anchor * *pose;
+            let deviation = deviation / deviation[(2, 2)] - Mat3::identity();
+            let step = self.step(view, order, &deviation)?;
             let p = Mat3::new(
                 step[0], step[1], step[2], step[3], step[4], step[5], step[6], step[7], 0.0,
             );
@@ -170,7 +200,7 @@ impl Aligner {
 
     /// The Gauss-Newton step of the weighted blocks in the first `order` parameters. One gain and bias serve all blocks,
     /// which keeps what tells blocks apart, unless the light calls for one of each block.
-    fn step(&mut self, view: usize, order: usize) -> Option<[f64; WARP]> {
+    fn step(&mut self, view: usize, order: usize, deviation: &Mat3) -> Option<[f64; WARP]> {
         let v = &self.views[view];
         let mut each = Equations::default();
         self.sum.scale(0.0);
@@ -187,14 +217,16 @@ impl Aligner {
         let mut one = Equations::default();
         one.add(&self.sum, 1.0, order);
         let used = if one.left < UNEVEN * each.left {
-            &one
+            &mut one
         } else {
-            &each
+            &mut each
         };
+        let noise = (used.left / self.sum.get(ONES, ONES).max(1.0)).max(NOISE);
+        used.expect(deviation, noise);
         if self.system.order() != order {
             self.system = SymMatrix::new(order);
         }
-        self.system.fill(|a, b| -used.h[a][b]);
+        self.system.fill(|a, b| -used.h[a.min(b)][a.max(b)]);
         let (mut x, mut work) = ([0.0; WARP], [0.0; WARP * WARP + WARP]);
         let g = used.g.map(|v| -v);
         solve_negative(&self.system, DAMPING, &g[..order], &mut x[..order], &mut work).then_some(x)
