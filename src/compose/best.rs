@@ -222,7 +222,7 @@ impl Best {
             return;
         }
         self.moved += 1;
-        if self.moved > OFTEN && self.aligner.smear.exposure == 0.0 && self.moved % OFTEN != 0 {
+        if self.moved > OFTEN && self.aligner.smear.exposure == 0.0 && !self.moved.is_multiple_of(OFTEN) {
             return;
         }
         let mut sharp = 0.0;
