@@ -70,19 +70,26 @@ fn planes_are_tracked_whatever_is_hard_about_them() {
 
 #[test]
 fn an_object_that_moves_fast_turns_is_blurred_and_half_covered_is_kept() {
-    let command = "mtf-eval synth hard --texture poster --background bricks --size 320x240 --frames 16 \
-        --box 110x84 --amplitude 60 --speed 20 --rotate 60 --zoom 1.6 --tilt 0.2 --allow-outside --blur 0.4 \
-        --occlude 0.5 --noise 3 --light gain=0.7..1.3 --seed 9";
-    let (_, spec) = SynthSpec::parse_command(command).unwrap();
-    let rendered = render_sequence(&spec).unwrap();
-    assert!(rendered.speed()[0] > 15.0, "{:?}", rendered.speed());
-    let [w, h] = spec.size;
-    let frames = rendered
-        .iter()
-        .map(|(image, truth)| (Decoded::from_rgb(w, h, image.into_raw()), truth));
-    let (near, mean) = score(&track(frames));
+    let mut tracked = Vec::new();
+    for seed in [2, 3, 5, 9] {
+        let command = format!(
+            "mtf-eval synth hard --texture poster --background bricks --size 320x240 --frames 16 --box 110x84 \
+             --amplitude 60 --speed 20 --rotate 60 --zoom 1.6 --tilt 0.2 --allow-outside --blur 0.4 --occlude 0.5 \
+             --noise 3 --light gain=0.7..1.3 --seed {seed}"
+        );
+        let (_, spec) = SynthSpec::parse_command(&command).unwrap();
+        let rendered = render_sequence(&spec).unwrap();
+        assert!(rendered.speed()[0] > 15.0, "{:?}", rendered.speed());
+        let [w, h] = spec.size;
+        let frames = rendered
+            .iter()
+            .map(|(image, truth)| (Decoded::from_rgb(w, h, image.into_raw()), truth));
+        tracked.extend(track(frames));
+    }
+    let (near, mean) = score(&tracked);
+    // One frame in sixty may be lost.
     assert!(
-        near == 1.0 && mean < 1.5,
+        near >= 0.98 && mean < 1.0,
         "{near} of the frames, mean error {mean}"
     );
 }
