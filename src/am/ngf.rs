@@ -123,14 +123,14 @@ impl Ngf {
             };
             let (xx, xy, yy) = (block(0, 0), block(0, 1), block(1, 1));
             let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
-            let radius = half.hypot(xy);
+            let radius = (half * half + xy * xy).sqrt();
             // Axis of the larger eigenvalue: of (half + radius, xy) and (xy, radius - half) the longer one.
             let (mut x, mut y) = if half >= 0.0 {
                 (half + radius, xy)
             } else {
                 (xy, radius - half)
             };
-            let length = x.hypot(y);
+            let length = (x * x + y * y).sqrt();
             (x, y) = if length > 0.0 {
                 (x / length, y / length)
             } else {

@@ -112,7 +112,7 @@ impl<S: StateSpaceModel> FeatureTracker<S> {
         let corners = self.ssm.corners();
         let side = |i: usize| {
             let (a, b) = (corners.0[i], corners.0[(i + 1) % 4]);
-            (b[0] - a[0]).hypot(b[1] - a[1])
+            libm::hypot(b[0] - a[0], b[1] - a[1])
         };
         let longest = (0..4).map(side).fold(0.0, f64::max);
         Region::around(&corners.0, self.params.feat_margin * longest)
@@ -250,7 +250,7 @@ impl<S: StateSpaceModel> FeatureTracker<S> {
         let agrees = |(i, k): &&(usize, usize)| {
             let u = warp.apply(&self.ssm, self.base[*i]);
             let [x, y] = points[*k].at.map(f64::from);
-            (x - u[0]).hypot(y - u[1]) <= limit
+            libm::hypot(x - u[0], y - u[1]) <= limit
         };
         Ok(self.near.iter().filter(agrees).count())
     }

@@ -134,7 +134,7 @@ impl Lines {
         self.distances.clear();
         self.distances.extend(found.iter().zip(before).map(|(f, b)| {
             f.map_or(f64::INFINITY, |f| {
-                (f[0] - b[0] - usual[0]).hypot(f[1] - b[1] - usual[1])
+                libm::hypot(f[0] - b[0] - usual[0], f[1] - b[1] - usual[1])
             })
         }));
         self.nodes.clear();
@@ -147,7 +147,7 @@ impl Lines {
                 self.nodes[i] = self.rows[row].zip(self.cols[col]).and_then(|(r, c)| meet(r, c));
                 self.distances[i] = f
                     .zip(self.nodes[i])
-                    .map_or(f64::INFINITY, |(f, n)| (f[0] - n[0]).hypot(f[1] - n[1]));
+                    .map_or(f64::INFINITY, |(f, n)| libm::hypot(f[0] - n[0], f[1] - n[1]));
             }
         }
         for (i, f) in found.iter_mut().enumerate() {
@@ -216,7 +216,7 @@ fn total_least_squares(points: impl Iterator<Item = ([f64; 2], f64)>) -> Option<
     } else {
         [b, root - half]
     };
-    let length = along[0].hypot(along[1]);
+    let length = libm::hypot(along[0], along[1]);
     if mean + root < 1e-6 || length < 1e-12 {
         return None;
     }
@@ -237,7 +237,7 @@ fn fill(lines: &mut [Option<Line>]) {
             let sign = (a[0] * b[0] + a[1] * b[1]).signum();
             let (u, v) = (e as f64, sign * d as f64);
             let sum = [0, 1, 2].map(|k| u * a[k] + v * b[k]);
-            let length = sum[0].hypot(sum[1]);
+            let length = libm::hypot(sum[0], sum[1]);
             lines[i] = (length > 0.0).then(|| sum.map(|v| v / length));
         }
     }

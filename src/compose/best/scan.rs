@@ -109,7 +109,8 @@ impl Scanner {
                 }
             }
         }
-        self.points.sort_by_key(|p| p.0);
+        // By block, and row by row in each: a sort that does not allocate does not keep the order.
+        self.points.sort_unstable_by_key(|p| (p.0, p.1[1], p.1[0]));
         let image = template.level(from, 1).gray();
         self.tx.clear();
         self.ty.clear();

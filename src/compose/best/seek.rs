@@ -167,7 +167,7 @@ impl Best {
                 self.scanner.scan(frame, &pose, reach, &mut found);
             }
         }
-        found.sort_by(|a, b| b.contrast.total_cmp(&a.contrast));
+        found.sort_unstable_by(|a, b| b.contrast.total_cmp(&a.contrast));
         found.truncate(kept.0);
         let judge = self.params.best_judge;
         let mut coarse = std::mem::take(&mut self.coarse);
@@ -184,7 +184,7 @@ impl Best {
                 (*pose, *score) = (next, reached);
                 self.iterations += n;
             }
-            coarse.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
+            coarse.sort_unstable_by(|a, b| b.1.total.total_cmp(&a.1.total));
             coarse.truncate(most);
         }
         for (start, _, contrast) in &coarse {

@@ -60,7 +60,7 @@ impl Smear {
         let m = back * pose;
         let far = AROUND.map(|x| {
             let y = homography::apply(&m, x);
-            (y[0] - x[0]).hypot(y[1] - x[1])
+            libm::hypot(y[0] - x[0], y[1] - x[1])
         });
         base.unit * far.iter().sum::<f64>() / 4.0
     }
@@ -76,12 +76,12 @@ impl Smear {
             let Some(m) = &motion else { return [0.0; 2] };
             let y = homography::apply(m, x);
             let d = [y[0] - x[0], y[1] - x[1]].map(|v| v * self.exposure);
-            let cut = (LONGEST / d[0].hypot(d[1])).min(1.0);
+            let cut = (LONGEST / libm::hypot(d[0], d[1])).min(1.0);
             d.map(|v| v * cut)
         };
         let scale = base.unit / unit;
         let mut ways = AROUND.map(way);
-        let length = |w: &[f64; 2]| w[0].hypot(w[1]) * scale;
+        let length = |w: &[f64; 2]| libm::hypot(w[0], w[1]) * scale;
         let longest = ways.iter().map(length).fold(0.0, f64::max);
         if longest.is_nan() || longest < SHARP {
             ways = [[0.0; 2]; 4];

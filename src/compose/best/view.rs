@@ -110,7 +110,7 @@ impl View {
         let image = frame.level(level, 1).gray();
         let quad = Corners(corners.0.map(|c| c.map(|v| v / unit)));
         let square = homography::from_corners(&quad, &Corners::rect(0.0, 0.0, 1.0, 1.0))?;
-        let side = |a: usize, b: usize| (quad.0[a][0] - quad.0[b][0]).hypot(quad.0[a][1] - quad.0[b][1]);
+        let side = |a: usize, b: usize| libm::hypot(quad.0[a][0] - quad.0[b][0], quad.0[a][1] - quad.0[b][1]);
         let sides = [(side(0, 1) + side(2, 3)) / 2.0, (side(1, 2) + side(3, 0)) / 2.0];
         let mut stride = 1usize;
         while sides[0] * sides[1] > (most * stride * stride) as f64 {
