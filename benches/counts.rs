@@ -140,7 +140,7 @@ fn joint_histogram() {
         hist::bin(&b.values, buckets, &mut bucket, &mut tau);
         hist::bin(&b.other, buckets, &mut other_bucket, &mut other_tau);
         hist::window_rows(&window, &other_tau, &mut rows);
-        hist::joint_histogram::<2>(
+        hist::joint_histogram::<{ hist::NEITHER }>(
             &window,
             &bucket,
             &tau,

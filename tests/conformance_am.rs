@@ -90,6 +90,38 @@ fn derivatives_with_illumination_agree_with_central_differences() {
     }
 }
 
+#[test]
+fn scoring_is_setting_a_patch_and_asking_for_the_similarity() {
+    for Case { name, mut am, pair } in cases() {
+        let mut quick = am.clone();
+        let waves = Waves::new(7);
+        let place = |i: usize| [(i % SHAPE.cols) as f64 * 6.0, (i / SHAPE.cols) as f64 * 5.0];
+        let lit = |gain: f32, bias: f32| pair.current.iter().map(|v| gain * v + bias).collect();
+        let patches: [Vec<f32>; 7] = [
+            pair.current.clone(),
+            pair.template.clone(),
+            (0..pair.shape.len()).map(|i| waves.at(place(i)) as f32).collect(),
+            lit(0.3, 150.0),
+            // So flat, and so far from the template's level, that sums about that level say nothing.
+            lit(1e-3, 250.0),
+            lit(0.0, 250.0),
+            lit(0.0, 0.0),
+        ];
+        for (k, patch) in patches.iter().enumerate() {
+            let f = quick.score(patch);
+            am.set_current(patch);
+            let (want, scale) = (am.similarity(), 1e-5 * (1.0 + am.similarity().abs()));
+            assert!((f - want).abs() < scale, "{name} {k}: {f} {want}");
+            assert_eq!(f, quick.similarity(), "{name} {k}");
+            let (got, want) = (quick.likelihood(), am.likelihood());
+            assert!(
+                (got - want).abs() < 1e-3 * want + 1e-9,
+                "{name} {k}: {got} {want}"
+            );
+        }
+    }
+}
+
 /// Parameters whose derivatives differ from those of the defaults.
 const OPTIONS: &[(&str, &[(&str, &str)])] = &[
     ("nssd", &[("norm_min", "-1"), ("norm_max", "3")]),

@@ -239,7 +239,7 @@ impl<K: Kind> Information<K> {
         }
         let Pair {
             template,
-            template_rows,
+            rows,
             current,
             cell,
             joint,
@@ -285,7 +285,7 @@ impl<K: Kind> Information<K> {
                     &current.bucket,
                     &work.left_rows,
                     &template.bucket,
-                    template_rows,
+                    rows,
                     bins,
                     j,
                     &mut work.gamma,
@@ -402,14 +402,20 @@ impl<K: Kind> AppearanceModel for Information<K> {
     fn distance(&self, query: &[f32], stored: &[f32], _bound: f32) -> f32 {
         let (pair, known) = &mut *self.other.borrow_mut();
         pair.resize(query.len(), self.bins());
+        // The query, which is compared with many, is prepared once.
+        let new = known != query;
+        if new {
+            known.clear();
+            known.extend_from_slice(query);
+        }
         if K::CUMULATIVE {
-            pair.set_template(stored);
-            pair.set_current(query, self.settings.seed);
+            if new {
+                pair.expect(query);
+            }
+            pair.meet(stored, self.settings.seed);
         } else {
-            // Both patches are alike to the measure: the query, which is compared with many, is prepared once.
-            if known != query {
-                known.clear();
-                known.extend_from_slice(query);
+            // Both patches are alike to the measure.
+            if new {
                 pair.set_template(query);
             }
             pair.set_current(stored, self.settings.seed);

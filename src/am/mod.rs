@@ -223,6 +223,13 @@ pub trait AppearanceModel: Send + DynClone {
     /// Takes the current patch and computes what the similarity and its derivatives share (function 4 without `f`).
     fn set_current(&mut self, patch: &[f32]);
 
+    /// Takes the current patch and returns `f`: [`set_current`](Self::set_current) and [`similarity`](Self::similarity) for
+    /// searches that need no derivatives, which a model may leave undefined until the next `set_current`.
+    fn score(&mut self, patch: &[f32]) -> f64 {
+        self.set_current(patch);
+        self.similarity()
+    }
+
     /// Restricts the model to the values for which `mask` is 1; the others, for which it is 0, contribute nothing to
     /// `f` and its derivatives until the next mask or template. Takes effect with the next
     /// [`set_current`](Self::set_current); only called if the model can (see [`Capabilities::masks`]).
@@ -326,6 +333,9 @@ impl AppearanceModel for Box<dyn AppearanceModel> {
     }
     fn set_current(&mut self, patch: &[f32]) {
         (**self).set_current(patch)
+    }
+    fn score(&mut self, patch: &[f32]) -> f64 {
+        (**self).score(patch)
     }
     fn set_mask(&mut self, mask: &[f32]) {
         (**self).set_mask(mask)

@@ -9,7 +9,7 @@
 //! fixed while differentiating.
 
 use super::robust::{NOISE, Robust, Weights};
-use super::zncc::standardise;
+use super::zncc::{Correlator, standardise};
 use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
@@ -32,6 +32,7 @@ pub struct Ncc {
     /// `sqrt(n) u`, `sqrt(n) v`: standardised patches, whose elements are of order one.
     template: Vec<f32>,
     current: Vec<f32>,
+    correlator: Correlator,
     /// `1/σ` of the patches; `sqrt(n) σ` are the norms `c` and `b`.
     template_inverse: f64,
     current_inverse: f64,
@@ -153,6 +154,7 @@ impl AppearanceModel for Ncc {
         if self.template_inverse == 0.0 {
             return Err(TrackError::Template("flat patch"));
         }
+        self.correlator = Correlator::new(self.current_mean, &self.template);
         self.current.clone_from(&self.template);
         self.current_inverse = self.template_inverse;
         self.ones.clear();
@@ -177,6 +179,13 @@ impl AppearanceModel for Ncc {
         self.total = self.template.len() as f64;
         self.current_inverse = standardise(patch, &mut self.current).1;
         self.f = kernels::dot(&self.template, &self.current) / self.n();
+    }
+    fn score(&mut self, patch: &[f32]) -> f64 {
+        match self.correlator.correlate(&self.template, &self.weights, patch) {
+            Some((ncc, inverse)) => (self.f, self.current_inverse) = (ncc, inverse),
+            None => self.set_current(patch),
+        }
+        self.f
     }
     fn set_mask(&mut self, mask: &[f32]) {
         self.weights.set_mask(mask);

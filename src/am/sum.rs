@@ -164,6 +164,10 @@ impl AppearanceModel for Sum {
     fn set_current(&mut self, patch: &[f32]) {
         self.parts.iter_mut().for_each(|p| p.am.set_current(patch));
     }
+    fn score(&mut self, patch: &[f32]) -> f64 {
+        let parts = self.parts.iter_mut();
+        parts.map(|p| p.weight * p.am.score(patch)).sum()
+    }
     fn set_mask(&mut self, mask: &[f32]) {
         self.parts.iter_mut().for_each(|p| p.am.set_mask(mask));
     }

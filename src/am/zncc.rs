@@ -38,6 +38,41 @@ pub(super) fn standardise(x: &[f32], out: &mut [f32]) -> (f64, f64) {
     (mean, inverse)
 }
 
+/// A template to correlate many patches with, when only the correlation is wanted: one pass over each.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Correlator {
+    mean: f32,
+    /// Sum of the standardised template: zero but for rounding, which the distance of the means multiplies.
+    sum: f64,
+}
+
+impl Correlator {
+    /// For the standardised `template`, which had this mean.
+    pub fn new(mean: f64, template: &[f32]) -> Self {
+        Correlator {
+            mean: mean as f32,
+            sum: kernels::sum(template),
+        }
+    }
+
+    /// Correlation coefficient of the patch and the template, and `1/σ` of the patch. None with weights, and where the patch
+    /// is so flat, or so much brighter or darker than the template, that sums about the template's mean are too inexact.
+    pub fn correlate(self, template: &[f32], weights: &Weights, patch: &[f32]) -> Option<(f64, f64)> {
+        if weights.used() {
+            return None;
+        }
+        let n = patch.len() as f64;
+        let [sum, squares, product] = kernels::moments(patch, self.mean, template);
+        let shift = sum / n;
+        let variance = squares / n - shift * shift;
+        let exact = variance > 0.1 * shift * shift && variance > FLAT * FLAT;
+        exact.then(|| {
+            let inverse = 1.0 / variance.sqrt();
+            ((product - shift * self.sum) / n * inverse, inverse)
+        })
+    }
+}
+
 /// Zero-mean normalised cross-correlation.
 #[derive(Clone, Debug, Default)]
 pub struct Zncc {
@@ -46,6 +81,7 @@ pub struct Zncc {
     template: Vec<f32>,
     /// `µ` and `1/σ` of it.
     plain_stats: (f64, f64),
+    correlator: Correlator,
     /// `T̂` with weights, if there are any.
     weighted: Vec<f32>,
     weights: Weights,
@@ -117,6 +153,7 @@ impl AppearanceModel for Zncc {
         self.residual.resize(shape.len(), 0.0);
         self.plain_stats = standardise(patch, &mut self.template);
         self.template_stats = self.plain_stats;
+        self.correlator = Correlator::new(self.plain_stats.0, &self.template);
         self.weights.reset(shape.len());
         if self.template_stats.1 == 0.0 {
             return Err(TrackError::Template("flat patch"));
@@ -132,6 +169,13 @@ impl AppearanceModel for Zncc {
         self.template_stats = self.plain_stats;
         self.current_stats = standardise(patch, &mut self.residual);
         self.ssd = kernels::subtract_from(&mut self.residual, &self.template);
+    }
+    fn score(&mut self, patch: &[f32]) -> f64 {
+        match self.correlator.correlate(&self.template, &self.weights, patch) {
+            Some((ncc, _)) => self.ssd = 2.0 * self.template.len() as f64 * (1.0 - ncc),
+            None => self.set_current(patch),
+        }
+        self.similarity()
     }
     fn set_mask(&mut self, mask: &[f32]) {
         self.weights.set_mask(mask);

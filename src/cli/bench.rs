@@ -21,7 +21,7 @@ const MOST_FRAMES: usize = 300;
 /// Time between two notes on progress.
 const TELL_EVERY: Duration = Duration::from_secs(5);
 
-/// Measure the speed of trackers on one core
+/// Measure the speed of trackers, on one core each unless told otherwise
 ///
 /// The time of each update alone, over frames that are decoded, filtered and read once beforehand; the least of several
 /// passes for each frame, because that is what the machine can do undisturbed. Settings and defaults are those of `run`, but for
@@ -43,6 +43,9 @@ pub struct BenchArgs {
     /// No further pass for a tracker that has spent as long on a sequence
     #[arg(long, value_name = "SECONDS", default_value = "5", value_parser = positive, help_heading = "Measurement")]
     pub budget: f64,
+    /// Threads that a tracker may use: particle filters, nearest neighbours and grids share out their work
+    #[arg(long, value_name = "N", default_value = "1", value_parser = at_least_one, help_heading = "Measurement")]
+    pub threads_per_tracker: usize,
     /// Seed of all randomness
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Measurement")]
     pub seed: u64,
@@ -78,15 +81,15 @@ pub fn run(args: &BenchArgs, console: &Console) -> Outcome {
         repeats: args.repeats,
         budget: Duration::from_secs_f64(args.budget),
         seed: args.seed,
+        threads: args.threads_per_tracker,
     };
     let machine = Machine::here();
     if machine.build != "release" {
         console.warn("this is a debug build: its times say nothing");
     }
     let stop = stop_on_signals()?;
-    // One thread, also for trackers that would use more.
     let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
+        .num_threads(request.threads)
         .build()
         .map_err(Failure::usage)?;
     let told = Mutex::new(Instant::now());

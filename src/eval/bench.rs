@@ -38,6 +38,8 @@ pub struct BenchRequest {
     pub budget: Duration,
     /// Seed of every tracker.
     pub seed: u64,
+    /// Threads of the current `rayon` pool that a tracker may use.
+    pub threads: usize,
 }
 
 /// Speed of one tracker of this or another program.
@@ -142,10 +144,8 @@ struct Pass {
     errors: Vec<Option<super::error::FrameError>>,
 }
 
-/// Measures everything in `request` on the calling thread. `progress` is told the share that is done. Rows are in the
+/// Measures everything in `request`, one tracker at a time. `progress` is told the share that is done. Rows are in the
 /// order of the trackers; the second list names those that failed, and why. `None` when `stop` was set.
-///
-/// Trackers that divide their work among threads use those of the rayon pool this is called in.
 ///
 /// # Errors
 /// A frame cannot be read, or a sequence has no ground truth to start from.
@@ -181,7 +181,7 @@ pub fn run(
                     continue;
                 }
                 let begin = Instant::now();
-                let made = panics::catch(|| track(entry, sequence, start, &frames, request.seed));
+                let made = panics::catch(|| track(entry, sequence, start, &frames, request));
                 spent[i] += begin.elapsed();
                 match made.and_then(|made| made) {
                     Ok(new) => best[i] = Some(least(best[i].take().filter(|_| pass > 1), new)),
@@ -240,10 +240,11 @@ fn track(
     sequence: &Sequence,
     start: usize,
     frames: &[Frame],
-    seed: u64,
+    request: &BenchRequest,
 ) -> Result<Pass, String> {
     let mut tracker: Box<dyn Tracker> = (entry.make)()?;
-    tracker.reseed(seed);
+    tracker.reseed(request.seed);
+    tracker.set_threads(request.threads);
     let truth = sequence.truth(start).ok_or("no ground truth to start from")?;
     tracker
         .init(&frames[0], &truth)
@@ -364,6 +365,7 @@ mod tests {
             repeats: 1,
             budget: Duration::from_secs(60),
             seed: 0,
+            threads: 1,
         };
         let (rows, failed) = run(&request, &AtomicBool::new(false), &|_| {}).unwrap().unwrap();
         assert_eq!((rows.len(), failed.len()), (2, 1));

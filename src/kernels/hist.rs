@@ -55,6 +55,18 @@ pub fn product(a: &[f64; 5], b: &[f64; 5]) -> [f64; TERMS] {
     out
 }
 
+/// Which weights [`joint_histogram`] sums up alone as well: none, those of the left patch, those of the right one.
+pub const NEITHER: usize = 0;
+/// See [`NEITHER`].
+pub const LEFT: usize = 1;
+/// See [`NEITHER`].
+pub const RIGHT: usize = 2;
+
+/// Numbers per cell of [`joint_histogram`].
+pub const fn cell_sums(alone: usize) -> usize {
+    if alone == NEITHER { 2 * WIDTH } else { 3 * WIDTH }
+}
+
 /// Columns of a Jacobian, padded for whole lanes: the length of a row in the sums below.
 pub fn padded(cols: usize) -> usize {
     cols.next_multiple_of(WIDTH)
@@ -67,9 +79,9 @@ dispatch! {
     /// `rows[4 i + a] = window_a(τ_i)`.
     pub fn window_rows(window: &[[f32; 5]; SUPPORT], tau: &[f32], rows: &mut [f32]) = window_lanes;
     /// Sums of `left_a(τ_i) right_i[d]` (4 x 4 numbers) for each pair of buckets `cell = left bucket * buckets + right
-    /// bucket`, with `VECS` = 3 also of `right_i[d]` (twice): `8 VECS` numbers per cell at the front of `sums`, whose second
-    /// half is scratch. Also writes each value's cell.
-    pub fn joint_histogram<const VECS: usize>(
+    /// bucket`, then (twice) those of `right_i[d]` or `left_a(τ_i)` if `ALONE` is [`RIGHT`] or [`LEFT`]: [`cell_sums`] numbers
+    /// per cell at the front of `sums`, whose second half is scratch. Also writes each value's cell.
+    pub fn joint_histogram<const ALONE: usize>(
         left: &[[f32; 5]; SUPPORT], bucket: &[u32], tau: &[f32], right_bucket: &[u32], right_rows: &[f32],
         buckets: usize, cell: &mut [u32], sums: &mut [f32],
     ) = joint_lanes;
@@ -151,7 +163,7 @@ fn window_lanes<V: Lanes>(window: &[[f32; 5]; SUPPORT], tau: &[f32], rows: &mut 
 
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
-fn joint_lanes<V: Lanes, const VECS: usize>(
+fn joint_lanes<V: Lanes, const ALONE: usize>(
     left: &[[f32; 5]; SUPPORT],
     bucket: &[u32],
     tau: &[f32],
@@ -163,7 +175,7 @@ fn joint_lanes<V: Lanes, const VECS: usize>(
 ) {
     let n = tau.len();
     let (bucket, right_bucket, cell) = (&bucket[..n], &right_bucket[..n], &mut cell[..n]);
-    let stride = VECS * WIDTH;
+    let stride = cell_sums(ALONE);
     let half = buckets * buckets * stride;
     sums[..2 * half].fill(0.0);
     // Two tables: neighbouring pixels mostly share a cell, and need not wait for one another.
@@ -182,8 +194,9 @@ fn joint_lanes<V: Lanes, const VECS: usize>(
             let [low, high] = pixels[p].spread();
             low.mul_add(b, V::load(&sums[..8])).store(&mut sums[..8]);
             high.mul_add(b, V::load(&sums[8..16])).store(&mut sums[8..16]);
-            if VECS == 3 {
-                b.add(V::load(&sums[16..24])).store(&mut sums[16..24]);
+            if ALONE != NEITHER {
+                let alone = if ALONE == LEFT { pixels[p] } else { b };
+                alone.add(V::load(&sums[16..24])).store(&mut sums[16..24]);
             }
         }
         i += WIDTH;
@@ -479,12 +492,15 @@ mod tests {
                 }
             }
             let mut cell = vec![0; n];
-            let mut sums = vec![0.0; 2 * 24 * buckets * buckets];
-            joint_histogram::<3>(&left, &bx, &tx, &by, &rows, buckets, &mut cell, &mut sums);
+            let mut sums = vec![0.0; 2 * cell_sums(RIGHT) * buckets * buckets];
+            joint_histogram::<RIGHT>(&left, &bx, &tx, &by, &rows, buckets, &mut cell, &mut sums);
             let mut portable = vec![0.0; sums.len()];
-            joint_lanes::<Portable, 3>(&left, &bx, &tx, &by, &rows, buckets, &mut cell, &mut portable);
+            joint_lanes::<Portable, RIGHT>(&left, &bx, &tx, &by, &rows, buckets, &mut cell, &mut portable);
             prop_assert_eq!(&sums, &portable);
+            let mut other = vec![0.0; sums.len()];
+            joint_histogram::<LEFT>(&left, &bx, &tx, &by, &rows, buckets, &mut cell, &mut other);
             let mut exact = vec![0.0; 24 * buckets * buckets];
+            let mut alone = vec![0.0; 24 * buckets * buckets];
             for i in 0..n {
                 let at = 24 * (bx[i] as usize * buckets + by[i] as usize);
                 for d in 0..SUPPORT {
@@ -493,10 +509,19 @@ mod tests {
                     }
                     exact[at + 16 + d] += w(&SPLINE, d, ty[i]);
                     exact[at + 20 + d] += w(&SPLINE, d, ty[i]);
+                    alone[at + 16 + d] += w(&CUMULATIVE, d, tx[i]);
                 }
             }
             for (a, b) in sums.iter().zip(&exact) {
                 prop_assert!((f64::from(*a) - b).abs() < 1e-5 * (1.0 + b));
+            }
+
+            for (k, b) in alone.iter().enumerate() {
+                match k % 24 {
+                    16..20 => prop_assert!((f64::from(other[k]) - b).abs() < 1e-5 * (1.0 + b)),
+                    20..24 => prop_assert_eq!(other[k], other[k - 4]),
+                    _ => prop_assert_eq!(other[k], sums[k]),
+                }
             }
 
             let mut moments = vec![0.0; TERMS * buckets];

@@ -43,7 +43,9 @@ pub use pixelwise::{
     absolute_distance, affine_product, ratio_variation, reciprocal, spss_curvature, spss_distance,
     spss_gradient, spss_losses, spss_self, weighted_difference,
 };
-pub use reduce::{add_scaled, combine, dot, rescale, squared_distance, subtract, subtract_from, sum};
+pub use reduce::{
+    add_scaled, combine, dot, moments, rescale, squared_distance, subtract, subtract_from, sum,
+};
 pub use robust::{add_steep, huber, keep_close, tukey, weighted_squares};
 pub use sample::{Border, Grid2, image_hessian, sample, sample_gradient, sample_reference};
 pub use scan::{SCAN_SLACK, correlate_along};

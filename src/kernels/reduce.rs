@@ -17,6 +17,8 @@ dispatch! {
     pub fn combine(a: f32, x: &[f32], b: f32, y: &[f32], out: &mut [f32]) = combine_lanes;
     /// `out_i += a x_i`.
     pub fn add_scaled(a: f32, x: &[f32], out: &mut [f32]) = add_scaled_lanes;
+    /// `[Σ d_i, Σ d_i², Σ d_i y_i]` with `d_i = x_i - pivot`.
+    pub fn moments(x: &[f32], pivot: f32, y: &[f32]) -> [f64; 3] = moments_lanes;
     /// `Σ (x_i - y_i)²`, or any larger number than `bound` as soon as the sum exceeds it.
     pub fn squared_distance(x: &[f32], y: &[f32], bound: f32) -> f32 = squared_distance_lanes;
 }
@@ -123,6 +125,28 @@ fn add_scaled_lanes<V: Lanes>(a: f32, x: &[f32], out: &mut [f32]) {
 }
 
 #[inline(always)]
+fn moments_lanes<V: Lanes>(x: &[f32], pivot: f32, y: &[f32]) -> [f64; 3] {
+    let y = &y[..x.len()];
+    let zero = [V::splat(0.0); 3];
+    let add = |[a, b, c]: [V; 3], x: V, y: V| {
+        let d = x.sub(V::splat(pivot));
+        [a.add(d), d.mul_add(d, b), d.mul_add(y, c)]
+    };
+    let mut totals = [0.0; 3];
+    let mut widen = |sums: [V; 3]| totals.iter_mut().zip(sums).for_each(|(t, v)| *t += v.sum());
+    let whole = x.len() - x.len() % WIDTH;
+    for (x, y) in x[..whole].chunks(BLOCK).zip(y.chunks(BLOCK)) {
+        let points = x.chunks_exact(WIDTH).zip(y.chunks_exact(WIDTH));
+        widen(points.fold(zero, |sums, (x, y)| add(sums, V::load(x), V::load(y))));
+    }
+    // Lanes beyond the end count as the pivot.
+    let mut tail = [pivot; WIDTH];
+    tail[..x.len() - whole].copy_from_slice(&x[whole..]);
+    widen(add(zero, V::from_array(tail), V::load_partial(&y[whole..])));
+    totals
+}
+
+#[inline(always)]
 fn squared_distance_lanes<V: Lanes>(x: &[f32], y: &[f32], bound: f32) -> f32 {
     let y = &y[..x.len()];
     let mut total = 0.0;
@@ -166,6 +190,15 @@ mod tests {
             prop_assert!(f64::from(squared_distance(&x, &y, 10.0)) <= ssd * 1.000001);
             let scaled: f64 = xd.iter().map(|a| ((a - 100.0) * 0.25).powi(2)).sum();
             prop_assert!((rescale(&x, 100.0, 0.25, &mut out) - scaled).abs() <= 1e-5 * scaled + 1e-9);
+            let got = moments(&x, 100.0, &y);
+            let want = xd.iter().zip(&yd).fold([0.0; 3], |[a, b, c], (x, y)| {
+                let d = x - 100.0;
+                [a + d, b + d * d, c + d * y]
+            });
+            for (got, want) in got.into_iter().zip(want) {
+                prop_assert!((got - want).abs() <= 1e-6 * (4e4 * x.len() as f64) + 1e-9, "{} {}", got, want);
+            }
+            prop_assert_eq!(got, moments_lanes::<Portable>(&x, 100.0, &y));
             prop_assert_eq!(sum(&x), sum_lanes::<Portable>(&x));
             prop_assert_eq!(dot(&x, &y), dot_lanes::<Portable>(&x, &y));
             combine(2.0, &x, -0.5, &y, &mut out);

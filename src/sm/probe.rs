@@ -1,4 +1,4 @@
-//! What the methods that evaluate many states share: template, patch at the present state, region.
+//! What the methods that score many states share: template, patch at the present state, region.
 
 use super::gradient::{KEEP_BASE, check_template};
 use super::sampling::SamplingParams;
@@ -79,11 +79,10 @@ impl<A: AppearanceModel, S: StateSpaceModel> Probe<A, S> {
         self.sampling.sample(image, b, false)
     }
 
-    /// Similarity at the present state; the model keeps the patch.
+    /// Similarity at the present state.
     pub fn similarity(&mut self, image: &Image, b: &mut Buffers) -> Result<f64, TrackError> {
         self.look(image, b)?;
-        self.am.set_current(&b.values);
-        number(self.am.similarity())
+        number(self.am.score(&b.values))
     }
 
     /// Patch at a random state near the base, whose state is left in the warp. Draws from set `set` of the sampler; `work`

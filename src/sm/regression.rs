@@ -233,8 +233,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Regression<A, S> {
     fn similarity(&mut self, image: &Image, b: &mut Buffers) -> Result<f64, TrackError> {
         self.probe.look(image, b)?;
         self.describe(b);
-        self.probe.am.set_current(&self.cells);
-        number(self.probe.am.similarity())
+        number(self.probe.am.score(&self.cells))
     }
 }
 

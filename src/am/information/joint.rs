@@ -8,11 +8,6 @@ pub(super) fn window<K: Kind>() -> Window {
     if K::CUMULATIVE { CUMULATIVE } else { SPLINE }
 }
 
-/// Vectors per cell of [`hist::joint_histogram`].
-fn vectors<K: Kind>() -> usize {
-    if K::CUMULATIVE { 3 } else { 2 }
-}
-
 /// Products of a window of the one patch and one of the other, as polynomials of a common `τ`.
 pub(super) fn products(a: &Window, b: &Window) -> [[[f64; TERMS]; SUPPORT]; SUPPORT] {
     a.map(|a| b.map(|b| hist::product(&a, &b)))
@@ -115,13 +110,13 @@ impl Binned {
     }
 }
 
-/// Two patches and their joint histogram.
+/// Two patches and their joint histogram. Where many templates meet one current patch, that is the one set first.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Pair<K> {
     buckets: usize,
     pub template: Binned,
-    /// `β` of the template, four weights per value.
-    pub template_rows: Vec<f32>,
+    /// Four weights per value of the patch set first: `β` of the template, or `α` of the current patch.
+    pub rows: Vec<f32>,
     /// Counts of the template's bins; cumulative histograms have no need of them.
     template_counts: Vec<f64>,
     pub current: Binned,
@@ -133,25 +128,24 @@ pub(super) struct Pair<K> {
 }
 
 impl<K: Kind> Pair<K> {
+    /// Cumulative histograms need the counts of the template.
+    const ALONE: usize = if K::CUMULATIVE { hist::RIGHT } else { hist::NEITHER };
+
     pub fn resize(&mut self, n: usize, bins: usize) {
         self.buckets = bins - SUPPORT + 1;
         self.template.resize(n, self.buckets);
         self.current.resize(n, self.buckets);
-        self.template_rows.resize(SUPPORT * n, 0.0);
+        self.rows.resize(SUPPORT * n, 0.0);
         self.template_counts.resize(bins, 0.0);
         self.cell.resize(n, 0);
         let cells = self.buckets * self.buckets;
-        self.sums.resize(2 * 8 * vectors::<K>() * cells, 0.0);
+        self.sums.resize(2 * hist::cell_sums(Self::ALONE) * cells, 0.0);
         self.joint.resize(bins);
     }
 
     pub fn set_template(&mut self, patch: &[f32]) {
         self.template.set(patch, self.buckets);
-        hist::window_rows(
-            &hist::narrow(&SPLINE),
-            &self.template.tau,
-            &mut self.template_rows,
-        );
+        hist::window_rows(&hist::narrow(&SPLINE), &self.template.tau, &mut self.rows);
         // Cumulative histograms have these as a by-product.
         if !K::CUMULATIVE {
             self.template.sum_moments();
@@ -163,47 +157,79 @@ impl<K: Kind> Pair<K> {
     pub fn set_current(&mut self, patch: &[f32], seed: f64) {
         self.current.set(patch, self.buckets);
         let run = if K::CUMULATIVE {
-            hist::joint_histogram::<3>
+            hist::joint_histogram::<{ hist::RIGHT }>
         } else {
-            hist::joint_histogram::<2>
+            hist::joint_histogram::<{ hist::NEITHER }>
         };
         run(
             &hist::narrow(&window::<K>()),
             &self.current.bucket,
             &self.current.tau,
             &self.template.bucket,
-            &self.template_rows,
+            &self.rows,
             self.buckets,
             &mut self.cell,
             &mut self.sums,
         );
-        let (bins, stride) = (self.joint.bins, 8 * vectors::<K>());
         self.joint.clear();
         if !K::CUMULATIVE {
             self.joint.marginal.copy_from_slice(&self.template_counts);
         }
-        let c = &mut self.joint.c;
-        for (cell, sums) in self
-            .sums
-            .chunks_exact(stride)
-            .enumerate()
-            .take(self.buckets * self.buckets)
-        {
-            let (b, t) = (cell / self.buckets, cell % self.buckets);
+        self.collect(false);
+        self.joint.finish(patch.len(), seed);
+    }
+
+    /// The current patch that many templates will meet ([`meet`](Self::meet)). For cumulative histograms; others are the
+    /// same with the patches exchanged.
+    pub fn expect(&mut self, patch: &[f32]) {
+        self.current.set(patch, self.buckets);
+        hist::window_rows(&hist::narrow(&window::<K>()), &self.current.tau, &mut self.rows);
+    }
+
+    /// Joint histogram with the current patch set by [`expect`](Self::expect).
+    pub fn meet(&mut self, template: &[f32], seed: f64) {
+        self.template.set(template, self.buckets);
+        hist::joint_histogram::<{ hist::LEFT }>(
+            &hist::narrow(&SPLINE),
+            &self.template.bucket,
+            &self.template.tau,
+            &self.current.bucket,
+            &self.rows,
+            self.buckets,
+            &mut self.cell,
+            &mut self.sums,
+        );
+        self.joint.clear();
+        self.collect(true);
+        self.joint.finish(template.len(), seed);
+    }
+
+    /// Adds the sums over pairs of buckets to the counts. The template's bucket counts first in a cell, and its bin first within
+    /// the cell's sums, or the current patch's.
+    fn collect(&mut self, template_first: bool) {
+        let buckets = self.buckets;
+        let [[of_b, of_t], [of_a, of_d]] = if template_first {
+            [[1, buckets], [1, SUPPORT]]
+        } else {
+            [[buckets, 1], [SUPPORT, 1]]
+        };
+        let (bins, stride) = (self.joint.bins, hist::cell_sums(Self::ALONE));
+        let Joint { c, marginal, .. } = &mut self.joint;
+        for (b, t) in (0..buckets).flat_map(|b| (0..buckets).map(move |t| (b, t))) {
+            let sums = &self.sums[(of_b * b + of_t * t) * stride..][..stride];
             for a in 0..SUPPORT {
-                let row = &mut c[(b + a) * bins + t..];
-                row.iter_mut()
-                    .zip(&sums[SUPPORT * a..SUPPORT * (a + 1)])
-                    .for_each(|(c, &v)| *c += f64::from(v));
+                let row = &mut c[(b + a) * bins + t..][..SUPPORT];
+                for (d, c) in row.iter_mut().enumerate() {
+                    *c += f64::from(sums[of_a * a + of_d * d]);
+                }
             }
             if K::CUMULATIVE {
-                let counts = &sums[16..16 + SUPPORT];
+                let counts = &sums[SUPPORT * SUPPORT..][..SUPPORT];
                 let add = |row: &mut [f64]| row.iter_mut().zip(counts).for_each(|(c, &v)| *c += f64::from(v));
-                add(&mut self.joint.marginal[t..]);
+                add(&mut marginal[t..]);
                 (0..b).for_each(|k| add(&mut c[k * bins + t..]));
             }
         }
-        self.joint.finish(patch.len(), seed);
     }
 }
 
