@@ -107,16 +107,23 @@ fn scoring_is_setting_a_patch_and_asking_for_the_similarity() {
             lit(0.0, 250.0),
             lit(0.0, 0.0),
         ];
-        for (k, patch) in patches.iter().enumerate() {
-            let f = quick.score(patch);
+        let mut known = |patch: &Vec<f32>| {
             am.set_current(patch);
-            let (want, scale) = (am.similarity(), 1e-5 * (1.0 + am.similarity().abs()));
-            assert!((f - want).abs() < scale, "{name} {k}: {f} {want}");
+            (am.similarity(), am.likelihood())
+        };
+        let known: Vec<_> = patches.iter().map(&mut known).collect();
+        let range = known
+            .iter()
+            .fold([f64::MAX, f64::MIN], |[a, b], k| [a.min(k.0), b.max(k.0)]);
+        for (k, (patch, (similarity, likelihood))) in patches.iter().zip(known).enumerate() {
+            let f = quick.score(patch);
+            let tolerance = 1e-5 * (range[1] - range[0]);
+            assert!((f - similarity).abs() < tolerance, "{name} {k}: {f} {similarity}");
             assert_eq!(f, quick.similarity(), "{name} {k}");
-            let (got, want) = (quick.likelihood(), am.likelihood());
+            let got = quick.likelihood();
             assert!(
-                (got - want).abs() < 1e-3 * want + 1e-9,
-                "{name} {k}: {got} {want}"
+                (got - likelihood).abs() < 1e-3 * likelihood + 1e-9,
+                "{name} {k}: {got} {likelihood}"
             );
         }
     }

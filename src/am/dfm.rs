@@ -145,17 +145,15 @@ impl Dfm {
     fn standardise(&self, values: &mut [f32], mut stats: impl FnMut(usize, (f64, f64))) {
         let n = self.features.map_len();
         for (k, map) in values.chunks_exact_mut(n).enumerate() {
-            let (mean, inverse) = if self.params.zncc {
-                let mean = kernels::sum(map) / n as f64;
-                let squares: f64 = map.iter().map(|&v| (f64::from(v) - mean).powi(2)).sum();
-                let deviation = (squares / n as f64).sqrt();
-                (mean, if deviation >= FLAT { 1.0 / deviation } else { 0.0 })
-            } else {
-                (0.0, 1.0)
-            };
-            for v in map.iter_mut() {
-                *v = ((f64::from(*v) - mean) * inverse) as f32;
+            if !self.params.zncc {
+                stats(k, (0.0, 1.0));
+                continue;
             }
+            let mean = kernels::sum(map) / n as f64;
+            kernels::scale_shift(1.0, -mean as f32, map);
+            let deviation = (kernels::dot(map, map) / n as f64).sqrt();
+            let inverse = if deviation >= FLAT { 1.0 / deviation } else { 0.0 };
+            kernels::scale_shift(inverse as f32, 0.0, map);
             stats(k, (mean, inverse));
         }
     }

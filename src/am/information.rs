@@ -403,7 +403,10 @@ impl<K: Kind> AppearanceModel for Information<K> {
         let (pair, known) = &mut *self.other.borrow_mut();
         pair.resize(query.len(), self.bins());
         // The query, which is compared with many, is prepared once.
-        let new = known != query;
+        let bits = |v: &f32| v.to_bits();
+        let differing = known.iter().map(bits).zip(query.iter().map(bits));
+        // No early end: so that it is done eight values at a time.
+        let new = known.len() != query.len() || differing.fold(0, |any, (a, b)| any | (a ^ b)) != 0;
         if new {
             known.clear();
             known.extend_from_slice(query);

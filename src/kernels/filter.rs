@@ -23,6 +23,9 @@ dispatch! {
     pub fn subtract_combination(x: &[f32], u: &super::Jacobian, c: &[f32], out: &mut [f32]) -> f64 = combination_lanes;
 }
 
+/// Points that are filtered at once.
+const CHUNK: usize = 4 * WIDTH;
+
 /// `y += c x` for two stretches of equal length.
 #[inline(always)]
 fn add_scaled<V: Lanes>(c: V, x: &[f32], y: &mut [f32]) {
@@ -37,18 +40,32 @@ fn add_scaled<V: Lanes>(c: V, x: &[f32], y: &mut [f32]) {
 fn filter_lanes<V: Lanes>(x: &[f32], cols: usize, taps: &[f32], pass: Pass, out: &mut [f32]) {
     let (rows, r) = (x.len() / cols, taps.len() / 2);
     let out = &mut out[..x.len()];
-    out.fill(0.0);
     let along_rows = matches!(pass, Pass::Rows | Pass::RowsAdjoint);
     let adjoint = matches!(pass, Pass::RowsAdjoint | Pass::ColumnsAdjoint);
     if (if along_rows { cols } else { rows }) < taps.len() {
-        return;
+        return out.fill(0.0);
     }
     let step = if along_rows { 1 } else { cols };
     if !adjoint {
         // One stretch over all rows: what reaches across the left and right border is put out afterwards.
         let n = x.len() - 2 * r * step;
-        let inner = &mut out[r * step..][..n];
-        for i in (0..n).step_by(WIDTH) {
+        let (before, rest) = out.split_at_mut(r * step);
+        let (inner, after) = rest.split_at_mut(n);
+        before.fill(0.0);
+        after.fill(0.0);
+        let whole = n - n % CHUNK;
+        for i in (0..whole).step_by(CHUNK) {
+            let mut acc = [V::splat(0.0); CHUNK / WIDTH];
+            for (k, &tap) in taps.iter().enumerate() {
+                let x = &x[k * step + i..][..CHUNK];
+                for (acc, x) in acc.iter_mut().zip(x.chunks_exact(WIDTH)) {
+                    *acc = V::splat(tap).mul_add(V::load(x), *acc);
+                }
+            }
+            let to = inner[i..i + CHUNK].chunks_exact_mut(WIDTH);
+            acc.into_iter().zip(to).for_each(|(acc, to)| acc.store(to));
+        }
+        for i in (whole..n).step_by(WIDTH) {
             let mut acc = V::splat(0.0);
             for (k, &tap) in taps.iter().enumerate() {
                 acc = V::splat(tap).mul_add(V::load_at(&x[k * step..][..n], i), acc);
@@ -64,6 +81,7 @@ fn filter_lanes<V: Lanes>(x: &[f32], cols: usize, taps: &[f32], pass: Pass, out:
         return;
     }
     // Points whose whole support lies in the patch spread over it.
+    out.fill(0.0);
     if along_rows {
         let n = cols - 2 * r;
         for y in 0..rows {

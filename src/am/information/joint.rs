@@ -175,7 +175,7 @@ impl<K: Kind> Pair<K> {
         if !K::CUMULATIVE {
             self.joint.marginal.copy_from_slice(&self.template_counts);
         }
-        self.collect(false);
+        self.collect::<false>();
         self.joint.finish(patch.len(), seed);
     }
 
@@ -200,15 +200,15 @@ impl<K: Kind> Pair<K> {
             &mut self.sums,
         );
         self.joint.clear();
-        self.collect(true);
+        self.collect::<true>();
         self.joint.finish(template.len(), seed);
     }
 
     /// Adds the sums over pairs of buckets to the counts. The template's bucket counts first in a cell, and its bin first within
     /// the cell's sums, or the current patch's.
-    fn collect(&mut self, template_first: bool) {
+    fn collect<const TEMPLATE_FIRST: bool>(&mut self) {
         let buckets = self.buckets;
-        let [[of_b, of_t], [of_a, of_d]] = if template_first {
+        let [[of_b, of_t], [of_a, of_d]] = if TEMPLATE_FIRST {
             [[1, buckets], [1, SUPPORT]]
         } else {
             [[buckets, 1], [SUPPORT, 1]]
