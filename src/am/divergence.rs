@@ -17,7 +17,7 @@
 
 use super::{AmModel, AppearanceModel, Capabilities, Metric, PatchShape, Side};
 use crate::geom::solve::SymMatrix;
-use crate::kernels::hist::{self, SPLINE, SUPPORT, TERMS, Window};
+use crate::kernels::hist::{self, SPLINE, SUPPORT, TABLES, TERMS, Window};
 use crate::kernels::{self, Jacobian};
 use crate::params::{Assignment, Params};
 use crate::tracker::TrackError;
@@ -143,6 +143,7 @@ struct Histogram {
     /// Bucket of each value within its tile's.
     bucket: Vec<u32>,
     tau: Vec<f32>,
+    /// Power sums of each bucket, and scratch.
     moments: Vec<f32>,
     /// `p_k`, region after region.
     p: Vec<f64>,
@@ -153,7 +154,8 @@ impl Histogram {
         let n = layout.offset.len();
         self.bucket.resize(n, 0);
         self.tau.resize(n, 0.0);
-        self.moments.resize(TERMS * layout.tiles * layout.buckets, 0.0);
+        self.moments
+            .resize(TABLES * TERMS * layout.tiles * layout.buckets, 0.0);
         self.p.resize(layout.regions.len() * layout.bins, 0.0);
     }
     /// `Σ_{i in bucket} polynomial(τ_i)`.
@@ -269,7 +271,7 @@ impl<K: DivergenceKind> Divergence<K> {
         let width = hist::padded(j.cols());
         let window = hist::derivative(&SPLINE);
         self.power
-            .resize(2 * 3 * self.layout.tiles * buckets * width, 0.0);
+            .resize(TABLES * 3 * self.layout.tiles * buckets * width, 0.0);
         let mut power = std::mem::take(&mut self.power);
         let own = self.own(side);
         hist::power_sums::<3>(&own.bucket, &own.tau, j, &mut power);

@@ -63,7 +63,9 @@ fn filter_lanes<V: Lanes>(x: &[f32], cols: usize, taps: &[f32], pass: Pass, out:
                 }
             }
             let to = inner[i..i + CHUNK].chunks_exact_mut(WIDTH);
-            acc.into_iter().zip(to).for_each(|(acc, to)| acc.store(to));
+            for (acc, to) in acc.into_iter().zip(to) {
+                acc.store(to);
+            }
         }
         for i in (whole..n).step_by(WIDTH) {
             let mut acc = V::splat(0.0);

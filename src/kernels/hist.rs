@@ -55,6 +55,9 @@ pub fn product(a: &[f64; 5], b: &[f64; 5]) -> [f64; TERMS] {
     out
 }
 
+/// Tables that sums go to in turn: neighbouring pixels mostly share a bucket, and need not wait for one another.
+pub const TABLES: usize = 4;
+
 /// Which weights [`joint_histogram`] sums up alone as well: none, those of the left patch, those of the right one.
 pub const NEITHER: usize = 0;
 /// See [`NEITHER`].
@@ -80,15 +83,16 @@ dispatch! {
     pub fn window_rows(window: &[[f32; 5]; SUPPORT], tau: &[f32], rows: &mut [f32]) = window_lanes;
     /// Sums of `left_a(τ_i) right_i[d]` (4 x 4 numbers) for each pair of buckets `cell = left bucket * buckets + right
     /// bucket`, then (twice) those of `right_i[d]` or `left_a(τ_i)` if `ALONE` is [`RIGHT`] or [`LEFT`]: [`cell_sums`] numbers
-    /// per cell at the front of `sums`, whose second half is scratch. Also writes each value's cell.
+    /// per cell in the first of the [`TABLES`] tables of `sums`; the rest is scratch. Also writes each value's cell.
     pub fn joint_histogram<const ALONE: usize>(
         left: &[[f32; 5]; SUPPORT], bucket: &[u32], tau: &[f32], right_bucket: &[u32], right_rows: &[f32],
         buckets: usize, cell: &mut [u32], sums: &mut [f32],
     ) = joint_lanes;
-    /// Power sums of each bucket: `sums[8 b + d] = Σ_{i in b} τ_i^d`.
+    /// Power sums of each bucket, `sums[8 b + d] = Σ_{i in b} τ_i^d`, in the first of the [`TABLES`] tables of `sums`; the
+    /// rest is scratch.
     pub fn power_moments(bucket: &[u32], tau: &[f32], sums: &mut [f32]) = moments_lanes;
-    /// Power sums of Jacobian rows: `sums[(R b + d) * padded + s] = Σ_{i in b} τ_i^d J_is` at the front of `sums`, whose second
-    /// half is scratch.
+    /// Power sums of Jacobian rows, `sums[(R b + d) * padded + s] = Σ_{i in b} τ_i^d J_is`, in the first of the [`TABLES`] tables
+    /// of `sums`; the rest is scratch.
     pub fn power_sums<const R: usize>(bucket: &[u32], tau: &[f32], j: &Jacobian, sums: &mut [f32]) = power_lanes;
     /// Sums of Jacobian rows over pairs of bins: `sums[((row_i + a) bins + col_i + d) * padded + s] += left_i[a] right_i[d] J_is`
     /// for `a < L`, `d < 4`.
@@ -176,10 +180,9 @@ fn joint_lanes<V: Lanes, const ALONE: usize>(
     let n = tau.len();
     let (bucket, right_bucket, cell) = (&bucket[..n], &right_bucket[..n], &mut cell[..n]);
     let stride = cell_sums(ALONE);
-    let half = buckets * buckets * stride;
-    sums[..2 * half].fill(0.0);
-    // Two tables: neighbouring pixels mostly share a cell, and need not wait for one another.
-    let (even, odd) = sums[..2 * half].split_at_mut(half);
+    let size = buckets * buckets * stride;
+    let sums = &mut sums[..TABLES * size];
+    sums.fill(0.0);
     let w = left.map(|p| p.map(V::splat));
     let mut i = 0;
     while i < n {
@@ -188,8 +191,7 @@ fn joint_lanes<V: Lanes, const ALONE: usize>(
         for p in 0..WIDTH.min(n - i) {
             let at = bucket[i + p] as usize * buckets + right_bucket[i + p] as usize;
             cell[i + p] = at as u32;
-            let table = if p % 2 == 0 { &mut *even } else { &mut *odd };
-            let sums = &mut table[at * stride..(at + 1) * stride];
+            let sums = &mut sums[(p % TABLES) * size + at * stride..][..stride];
             let b = V::load_twice(&right_rows[4 * (i + p)..4 * (i + p) + 4]);
             let [low, high] = pixels[p].spread();
             low.mul_add(b, V::load(&sums[..8])).store(&mut sums[..8]);
@@ -201,7 +203,19 @@ fn joint_lanes<V: Lanes, const ALONE: usize>(
         }
         i += WIDTH;
     }
-    fold::<V>(even, odd);
+    fold_tables::<V>(sums);
+}
+
+/// The sum of all tables, in the first.
+#[inline(always)]
+fn fold_tables<V: Lanes>(sums: &mut [f32]) {
+    let (first, others) = sums.split_at_mut(sums.len() / TABLES);
+    if !first.is_empty() {
+        // A loop: the compiler may leave closures without the instruction set.
+        for other in others.chunks_exact(first.len()) {
+            fold::<V>(first, other);
+        }
+    }
 }
 
 /// `a += b`.
@@ -218,6 +232,7 @@ fn fold<V: Lanes>(a: &mut [f32], b: &[f32]) {
 fn moments_lanes<V: Lanes>(bucket: &[u32], tau: &[f32], sums: &mut [f32]) {
     let n = tau.len();
     let bucket = &bucket[..n];
+    let size = sums.len() / TABLES;
     sums.fill(0.0);
     let mut i = 0;
     while i < n {
@@ -228,12 +243,13 @@ fn moments_lanes<V: Lanes>(bucket: &[u32], tau: &[f32], sums: &mut [f32]) {
         }
         let pixels = V::transpose(powers);
         for p in 0..WIDTH.min(n - i) {
-            let at = bucket[i + p] as usize * TERMS;
+            let at = (p % TABLES) * size + bucket[i + p] as usize * TERMS;
             let sums = &mut sums[at..at + TERMS];
             V::load(sums).add(pixels[p]).store(sums);
         }
         i += WIDTH;
     }
+    fold_tables::<V>(sums);
 }
 
 /// Rows `i .. i + 8` of the columns `first .. first + 8` of `j`; zero beyond its edges.
@@ -252,16 +268,15 @@ fn power_lanes<V: Lanes, const R: usize>(bucket: &[u32], tau: &[f32], j: &Jacobi
     let n = j.rows();
     let (bucket, tau) = (&bucket[..n], &tau[..n]);
     let width = padded(j.cols());
+    let size = sums.len() / TABLES;
     sums.fill(0.0);
-    let (even, odd) = sums.split_at_mut(sums.len() / 2);
     for first in (0..j.cols()).step_by(WIDTH) {
         let mut i = 0;
         while i < n {
             let pixels = rows::<V>(j, first, i);
             for p in 0..WIDTH.min(n - i) {
-                let table = if p % 2 == 0 { &mut *even } else { &mut *odd };
-                let at = bucket[i + p] as usize * R * width + first;
-                let sums = &mut table[at..at + (R - 1) * width + WIDTH];
+                let at = (p % TABLES) * size + bucket[i + p] as usize * R * width + first;
+                let sums = &mut sums[at..at + (R - 1) * width + WIDTH];
                 let t = V::splat(tau[i + p]);
                 let mut v = pixels[p];
                 for d in 0..R {
@@ -273,7 +288,7 @@ fn power_lanes<V: Lanes, const R: usize>(bucket: &[u32], tau: &[f32], j: &Jacobi
             i += WIDTH;
         }
     }
-    fold::<V>(even, odd);
+    fold_tables::<V>(sums);
 }
 
 #[inline(always)]
@@ -492,7 +507,7 @@ mod tests {
                 }
             }
             let mut cell = vec![0; n];
-            let mut sums = vec![0.0; 2 * cell_sums(RIGHT) * buckets * buckets];
+            let mut sums = vec![0.0; TABLES * cell_sums(RIGHT) * buckets * buckets];
             joint_histogram::<RIGHT>(&left, &bx, &tx, &by, &rows, buckets, &mut cell, &mut sums);
             let mut portable = vec![0.0; sums.len()];
             joint_lanes::<Portable, RIGHT>(&left, &bx, &tx, &by, &rows, buckets, &mut cell, &mut portable);
@@ -524,7 +539,7 @@ mod tests {
                 }
             }
 
-            let mut moments = vec![0.0; TERMS * buckets];
+            let mut moments = vec![0.0; TABLES * TERMS * buckets];
             power_moments(&bx, &tx, &mut moments);
             let value = |i: usize, k: usize| {
                 let v = (i as u32).wrapping_mul(2654435761).wrapping_add((k as u32 + seed).wrapping_mul(40503)) >> 8;
@@ -535,7 +550,7 @@ mod tests {
                 j.col_mut(k).iter_mut().enumerate().for_each(|(i, v)| *v = value(i, k));
             }
             let width = padded(s);
-            let mut power = vec![0.0; 2 * 7 * width * buckets];
+            let mut power = vec![0.0; TABLES * 7 * width * buckets];
             power_sums::<7>(&bx, &tx, &j, &mut power);
             let mut portable = vec![0.0; power.len()];
             power_lanes::<Portable, 7>(&bx, &tx, &j, &mut portable);

@@ -1,7 +1,7 @@
 //! Joint histograms of two patches, and of a patch with itself.
 
 use super::Kind;
-use crate::kernels::hist::{self, CUMULATIVE, SPLINE, SUPPORT, TERMS, Window};
+use crate::kernels::hist::{self, CUMULATIVE, SPLINE, SUPPORT, TABLES, TERMS, Window};
 use std::marker::PhantomData;
 
 pub(super) fn window<K: Kind>() -> Window {
@@ -79,18 +79,20 @@ impl Joint {
 pub(super) struct Binned {
     pub bucket: Vec<u32>,
     pub tau: Vec<f32>,
-    /// Power sums of each bucket.
+    buckets: usize,
+    /// Power sums of each bucket, and scratch.
     moments: Vec<f32>,
 }
 
 impl Binned {
     fn resize(&mut self, n: usize, buckets: usize) {
+        self.buckets = buckets;
         self.bucket.resize(n, 0);
         self.tau.resize(n, 0.0);
-        self.moments.resize(TERMS * buckets, 0.0);
+        self.moments.resize(TABLES * TERMS * buckets, 0.0);
     }
-    fn set(&mut self, patch: &[f32], buckets: usize) {
-        hist::bin(patch, buckets, &mut self.bucket, &mut self.tau);
+    fn set(&mut self, patch: &[f32]) {
+        hist::bin(patch, self.buckets, &mut self.bucket, &mut self.tau);
     }
     pub fn sum_moments(&mut self) {
         hist::power_moments(&self.bucket, &self.tau, &mut self.moments);
@@ -102,7 +104,7 @@ impl Binned {
     }
     /// Adds the counts of `β` to `out`.
     fn add_marginal(&self, out: &mut [f64]) {
-        for b in 0..self.moments.len() / TERMS {
+        for b in 0..self.buckets {
             for (d, p) in SPLINE.iter().enumerate() {
                 out[b + d] += self.total(b, p);
             }
@@ -139,12 +141,13 @@ impl<K: Kind> Pair<K> {
         self.template_counts.resize(bins, 0.0);
         self.cell.resize(n, 0);
         let cells = self.buckets * self.buckets;
-        self.sums.resize(2 * hist::cell_sums(Self::ALONE) * cells, 0.0);
+        self.sums
+            .resize(TABLES * hist::cell_sums(Self::ALONE) * cells, 0.0);
         self.joint.resize(bins);
     }
 
     pub fn set_template(&mut self, patch: &[f32]) {
-        self.template.set(patch, self.buckets);
+        self.template.set(patch);
         hist::window_rows(&hist::narrow(&SPLINE), &self.template.tau, &mut self.rows);
         // Cumulative histograms have these as a by-product.
         if !K::CUMULATIVE {
@@ -155,7 +158,7 @@ impl<K: Kind> Pair<K> {
     }
 
     pub fn set_current(&mut self, patch: &[f32], seed: f64) {
-        self.current.set(patch, self.buckets);
+        self.current.set(patch);
         let run = if K::CUMULATIVE {
             hist::joint_histogram::<{ hist::RIGHT }>
         } else {
@@ -182,13 +185,13 @@ impl<K: Kind> Pair<K> {
     /// The current patch that many templates will meet ([`meet`](Self::meet)). For cumulative histograms; others are the
     /// same with the patches exchanged.
     pub fn expect(&mut self, patch: &[f32]) {
-        self.current.set(patch, self.buckets);
+        self.current.set(patch);
         hist::window_rows(&hist::narrow(&window::<K>()), &self.current.tau, &mut self.rows);
     }
 
     /// Joint histogram with the current patch set by [`expect`](Self::expect).
     pub fn meet(&mut self, template: &[f32], seed: f64) {
-        self.template.set(template, self.buckets);
+        self.template.set(template);
         hist::joint_histogram::<{ hist::LEFT }>(
             &hist::narrow(&SPLINE),
             &self.template.bucket,
@@ -235,7 +238,7 @@ impl<K: Kind> Pair<K> {
 
 /// Joint histogram of a patch with itself.
 pub(super) fn self_joint<K: Kind>(patch: &Binned, n: usize, seed: f64, out: &mut Joint) {
-    let (bins, buckets) = (out.bins, patch.moments.len() / TERMS);
+    let (bins, buckets) = (out.bins, patch.buckets);
     let pairs = products(&window::<K>(), &SPLINE);
     out.clear();
     patch.add_marginal(&mut out.marginal);

@@ -2,7 +2,7 @@
 
 use super::joint::products;
 use crate::geom::solve::SymMatrix;
-use crate::kernels::hist::{self, CELL, SUPPORT, TERMS, Window};
+use crate::kernels::hist::{self, CELL, SUPPORT, TABLES, TERMS, Window};
 use crate::kernels::{self, Jacobian};
 
 /// Scratch of a model.
@@ -17,7 +17,7 @@ pub(super) struct Work {
     half: Vec<f64>,
     /// One number per value.
     pub weights: Vec<f32>,
-    /// Power sums of Jacobian rows.
+    /// Power sums of Jacobian rows, and scratch.
     pub sums: Vec<f32>,
     /// `Γ_kl = Σ_i γ_kl[i] J_i` and `Δ_kl`, rows of `width`; `b_l`.
     pub gamma: Vec<f32>,
@@ -46,7 +46,8 @@ impl Work {
     pub fn widen(&mut self, cols: usize, powers: usize) {
         let (bins, width) = (self.bins, hist::padded(cols));
         (self.cols, self.width) = (cols, width);
-        self.sums.resize(2 * powers * (bins - SUPPORT + 1) * width, 0.0);
+        self.sums
+            .resize(TABLES * powers * (bins - SUPPORT + 1) * width, 0.0);
         self.gamma.resize(bins * bins * width, 0.0);
         self.delta.resize(bins * bins * width, 0.0);
         self.marginal.resize(bins * width, 0.0);
