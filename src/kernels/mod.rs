@@ -6,6 +6,7 @@
 mod blend;
 mod blocks;
 pub mod blur;
+mod cholesky;
 mod corner;
 mod filter;
 mod flow;
@@ -28,6 +29,7 @@ mod warp;
 
 pub use blend::{accumulate, product, row_times, scale_shift};
 pub use blocks::block_moments;
+pub use cholesky::factorise;
 pub use corner::{CENTROID_RADIUS, centroid, corner_response, corner_scratch_len, row_peaks};
 pub use filter::{Pass, filter_pass, subtract_combination};
 pub use flow::{FlowMatch, FlowWindow, Place, flow_match, flow_mismatch, flow_window, flow_window_warped};

@@ -2,58 +2,66 @@
 //!
 //! Solved by Cholesky's factorisation of `XᵀX + λ Id`, or of `X Xᵀ + λ Id` where that is smaller: the weights are the same.
 
-use crate::kernels;
+use crate::geom::solve::SymMatrix;
+use crate::kernels::{self, Jacobian};
 
 /// Weights, a row of `inputs` numbers per output; `x` has a row per sample, `y` `outputs` numbers per sample. `None` when the
 /// system is singular or not finite.
 pub(super) fn ridge(x: &[f32], y: &[f64], inputs: usize, outputs: usize, kappa: f64) -> Option<Vec<f32>> {
     let samples = x.len() / inputs;
-    let transposed: Vec<f32> = (0..x.len())
-        .map(|i| x[(i % samples) * inputs + i / samples])
-        .collect();
-    let row = |i: usize| &x[i * inputs..(i + 1) * inputs];
-    let column = |k: usize| &transposed[k * samples..(k + 1) * samples];
+    let rows = || x.chunks_exact(inputs);
     let squares: f64 = x.iter().map(|v| f64::from(*v).powi(2)).sum();
     let lambda = kappa * squares / inputs as f64;
     if inputs <= samples {
         // (XᵀX + λ) Wᵀ = XᵀY.
-        let y32: Vec<Vec<f32>> = (0..outputs)
-            .map(|o| y.iter().skip(o).step_by(outputs).map(|v| *v as f32).collect())
-            .collect();
-        let mut right: Vec<f64> = (0..inputs)
-            .flat_map(|k| y32.iter().map(move |y| (k, y)))
-            .map(|(k, y)| kernels::dot(column(k), y))
-            .collect();
-        let mut gram = gram(inputs, column, lambda);
-        solve(&mut gram, inputs, &mut right, outputs)?;
-        Some(
-            (0..outputs * inputs)
-                .map(|i| right[(i % inputs) * outputs + i / inputs] as f32)
-                .collect(),
-        )
+        let mut columns = Jacobian::new(samples, inputs);
+        for k in 0..inputs {
+            let column = columns.col_mut(k).iter_mut();
+            column.zip(rows()).for_each(|(c, row)| *c = row[k]);
+        }
+        let mut right = products(x, y, inputs, outputs);
+        solve(&mut gram(&columns, lambda), inputs, &mut right, outputs)?;
+        Some(transposed(&right, outputs))
     } else {
         // W = Aᵀ X with (X Xᵀ + λ) A = Y.
+        let mut columns = Jacobian::new(inputs, samples);
+        for (i, row) in rows().enumerate() {
+            columns.col_mut(i).copy_from_slice(row);
+        }
         let mut right = y.to_vec();
-        let mut gram = gram(samples, row, lambda);
-        solve(&mut gram, samples, &mut right, outputs)?;
-        let a: Vec<Vec<f32>> = (0..outputs)
-            .map(|o| right.iter().skip(o).step_by(outputs).map(|v| *v as f32).collect())
-            .collect();
-        Some(
-            a.iter()
-                .flat_map(|a| (0..inputs).map(move |k| (a, k)))
-                .map(|(a, k)| kernels::dot(column(k), a) as f32)
-                .collect(),
-        )
+        solve(&mut gram(&columns, lambda), samples, &mut right, outputs)?;
+        Some(transposed(&products(x, &right, inputs, outputs), outputs))
     }
 }
 
-/// Upper triangle of the products of `n` vectors, `λ` added to the diagonal.
-fn gram<'a>(n: usize, vector: impl Fn(usize) -> &'a [f32], lambda: f64) -> Vec<f64> {
+/// `XᵀY`, `outputs` numbers per input.
+fn products(x: &[f32], y: &[f64], inputs: usize, outputs: usize) -> Vec<f64> {
+    let mut out = vec![0.0; inputs * outputs];
+    for (x, y) in x.chunks_exact(inputs).zip(y.chunks_exact(outputs)) {
+        for (out, &x) in out.chunks_exact_mut(outputs).zip(x) {
+            for (out, y) in out.iter_mut().zip(y) {
+                *out += f64::from(x) * y;
+            }
+        }
+    }
+    out
+}
+
+/// A row per output from `outputs` numbers per input.
+fn transposed(v: &[f64], outputs: usize) -> Vec<f32> {
+    let row = |o: usize| v.iter().skip(o).step_by(outputs);
+    (0..outputs).flat_map(row).map(|&v| v as f32).collect()
+}
+
+/// Upper triangle of the products of the columns, `λ` added to the diagonal.
+fn gram(columns: &Jacobian, lambda: f64) -> Vec<f64> {
+    let n = columns.cols();
+    let mut h = SymMatrix::new(n);
+    kernels::normal_equations(columns, &[], &mut h, &mut []);
     let mut g = vec![0.0; n * n];
     for i in 0..n {
         for j in i..n {
-            g[i * n + j] = kernels::dot(vector(i), vector(j));
+            g[i * n + j] = h.get(i, j);
         }
         g[i * n + i] += lambda;
     }
@@ -64,23 +72,8 @@ fn gram<'a>(n: usize, vector: impl Fn(usize) -> &'a [f32], lambda: f64) -> Vec<f
 /// row. Row by row outwards, so that inner loops run along rows.
 fn solve(a: &mut [f64], n: usize, b: &mut [f64], columns: usize) -> Option<()> {
     // A = Uᵀ U.
-    for k in 0..n {
-        let (done, rest) = a.split_at_mut((k + 1) * n);
-        let pivot_row = &mut done[k * n..];
-        let pivot = pivot_row[k];
-        if !(pivot > 0.0 && pivot.is_finite()) {
-            return None;
-        }
-        let scale = 1.0 / pivot.sqrt();
-        pivot_row[k..].iter_mut().for_each(|v| *v *= scale);
-        for (i, row) in rest.chunks_exact_mut(n).enumerate() {
-            let i = k + 1 + i;
-            let f = pivot_row[i];
-            row[i..]
-                .iter_mut()
-                .zip(&pivot_row[i..])
-                .for_each(|(v, u)| *v -= f * u);
-        }
+    if !kernels::factorise(a, n) {
+        return None;
     }
     for k in 0..n {
         let (done, rest) = b.split_at_mut((k + 1) * columns);
