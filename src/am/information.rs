@@ -450,7 +450,8 @@ impl<K: Kind> AppearanceModel for Information<K> {
         joint.f
     }
     fn memory(&self) -> usize {
-        let histograms = 5 * 16 * self.bins() * self.bins();
+        let cells = self.bins() * self.bins();
+        let histograms = (5 * 16 + 2 * 4 * Pair::<K>::SUMS) * cells;
         56 * self.n + histograms + self.work.memory()
     }
 }

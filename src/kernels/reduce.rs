@@ -124,25 +124,39 @@ fn add_scaled_lanes<V: Lanes>(a: f32, x: &[f32], out: &mut [f32]) {
     }
 }
 
+/// Adds what eight values contribute to [`moments`].
+#[inline(always)]
+fn add_moments<V: Lanes>([a, b, c]: [V; 3], d: V, y: V) -> [V; 3] {
+    [a.add(d), d.mul_add(d, b), d.mul_add(y, c)]
+}
+
 #[inline(always)]
 fn moments_lanes<V: Lanes>(x: &[f32], pivot: f32, y: &[f32]) -> [f64; 3] {
     let y = &y[..x.len()];
-    let zero = [V::splat(0.0); 3];
-    let add = |[a, b, c]: [V; 3], x: V, y: V| {
-        let d = x.sub(V::splat(pivot));
-        [a.add(d), d.mul_add(d, b), d.mul_add(y, c)]
-    };
-    let mut totals = [0.0; 3];
-    let mut widen = |sums: [V; 3]| totals.iter_mut().zip(sums).for_each(|(t, v)| *t += v.sum());
-    let whole = x.len() - x.len() % WIDTH;
-    for (x, y) in x[..whole].chunks(BLOCK).zip(y.chunks(BLOCK)) {
-        let points = x.chunks_exact(WIDTH).zip(y.chunks_exact(WIDTH));
-        widen(points.fold(zero, |sums, (x, y)| add(sums, V::load(x), V::load(y))));
-    }
+    let (p, whole) = (V::splat(pivot), x.len() - x.len() % WIDTH);
     // Lanes beyond the end count as the pivot.
     let mut tail = [pivot; WIDTH];
     tail[..x.len() - whole].copy_from_slice(&x[whole..]);
-    widen(add(zero, V::from_array(tail), V::load_partial(&y[whole..])));
+    let last = add_moments(
+        [V::splat(0.0); 3],
+        V::from_array(tail).sub(p),
+        V::load_partial(&y[whole..]),
+    );
+    let mut totals = last.map(V::sum);
+    let mut start = 0;
+    while start < whole {
+        let end = (start + BLOCK).min(whole);
+        let mut sums = [V::splat(0.0); 3];
+        let mut i = start;
+        while i < end {
+            sums = add_moments(sums, V::load(&x[i..i + WIDTH]).sub(p), V::load(&y[i..i + WIDTH]));
+            i += WIDTH;
+        }
+        for (total, sum) in totals.iter_mut().zip(sums) {
+            *total += sum.sum();
+        }
+        start = end;
+    }
     totals
 }
 

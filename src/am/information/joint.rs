@@ -132,6 +132,8 @@ pub(super) struct Pair<K> {
 impl<K: Kind> Pair<K> {
     /// Cumulative histograms need the counts of the template.
     const ALONE: usize = if K::CUMULATIVE { hist::RIGHT } else { hist::NEITHER };
+    /// Numbers per pair of buckets, scratch included.
+    pub const SUMS: usize = TABLES * hist::cell_sums(Self::ALONE);
 
     pub fn resize(&mut self, n: usize, bins: usize) {
         self.buckets = bins - SUPPORT + 1;
@@ -141,8 +143,7 @@ impl<K: Kind> Pair<K> {
         self.template_counts.resize(bins, 0.0);
         self.cell.resize(n, 0);
         let cells = self.buckets * self.buckets;
-        self.sums
-            .resize(TABLES * hist::cell_sums(Self::ALONE) * cells, 0.0);
+        self.sums.resize(Self::SUMS * cells, 0.0);
         self.joint.resize(bins);
     }
 
