@@ -134,7 +134,7 @@ fn joint_histogram() {
     let (n, buckets) = (b.values.len(), 7);
     let (mut bucket, mut other_bucket, mut cell) = (vec![0; n], vec![0; n], vec![0; n]);
     let (mut tau, mut other_tau, mut rows) = (vec![0.0; n], vec![0.0; n], vec![0.0; 4 * n]);
-    let mut sums = vec![0.0; hist::TABLES * 16 * buckets * buckets];
+    let mut sums = vec![0.0; hist::TABLES * hist::cell_sums(hist::NEITHER) * buckets * buckets];
     let window = hist::narrow(&hist::SPLINE);
     let mut call = || {
         hist::bin(&b.values, buckets, &mut bucket, &mut tau);

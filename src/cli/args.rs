@@ -267,7 +267,8 @@ pub struct ExecutionArgs {
     /// Worker threads (never changes a result) [default: SLURM_CPUS_PER_TASK, else all cores]
     #[arg(short = 'j', long, value_name = "N", value_parser = at_least_one)]
     pub threads: Option<usize>,
-    /// Threads that a single tracker may use: particle filters, nearest neighbours and grids share out their work (never changes a result)
+    /// Threads that a single tracker may use: particle filters, nearest neighbours and grids share out their work (never
+    /// changes a result)
     #[arg(long, value_name = "N", default_value = "1", value_parser = at_least_one)]
     pub threads_per_tracker: usize,
     /// Memory for trackers, such as 4G (never changes a result) [default: half of the

@@ -135,8 +135,12 @@ pub fn run(args: &BenchArgs, console: &Console) -> Outcome {
         write(path, &pretty(&measured))?;
     }
     if let Some(path) = &args.chart {
+        let cores = match args.threads_per_tracker {
+            1 => "one core".to_owned(),
+            n => format!("up to {n} cores"),
+        };
         let note = format!(
-            "frames per second of update time on one core; {}",
+            "frames per second of update time on {cores}; {}",
             measured.machine.cpu
         );
         let svg = bars_svg(&groups, "Speed of trackers", &note).map_err(Failure::usage)?;

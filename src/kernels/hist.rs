@@ -58,14 +58,14 @@ pub fn product(a: &[f64; 5], b: &[f64; 5]) -> [f64; TERMS] {
 /// Tables that sums go to in turn: neighbouring pixels mostly share a bucket, and need not wait for one another.
 pub const TABLES: usize = 4;
 
-/// Which weights [`joint_histogram`] sums up alone as well: none, those of the left patch, those of the right one.
+/// [`joint_histogram`] sums up products of weights only.
 pub const NEITHER: usize = 0;
-/// See [`NEITHER`].
+/// [`joint_histogram`] also sums up the weights of the left patch alone.
 pub const LEFT: usize = 1;
-/// See [`NEITHER`].
+/// [`joint_histogram`] also sums up the weights of the right patch alone.
 pub const RIGHT: usize = 2;
 
-/// Numbers per cell of [`joint_histogram`].
+/// Numbers per cell of [`joint_histogram`]: 16 products, and the four weights of one patch twice.
 pub const fn cell_sums(alone: usize) -> usize {
     if alone == NEITHER { 2 * WIDTH } else { 3 * WIDTH }
 }
