@@ -3,13 +3,13 @@
 //!
 //! `scripts/perf_gate.sh [--update]`
 
-use mtf_eval::diagnose::Waves;
-use mtf_eval::geom::solve::SymMatrix;
-use mtf_eval::image::parse_preprocessor;
-use mtf_eval::kernels::{self, Border, Grid2, Jacobian, hist};
-use mtf_eval::params::Resolution;
+use mtf::diagnose::Waves;
+use mtf::geom::solve::SymMatrix;
+use mtf::image::parse_preprocessor;
+use mtf::kernels::{self, Border, Grid2, Jacobian, hist};
+use mtf::params::Resolution;
+use mtf::ssm::{Gradient, JacobianKind, Points};
 use mtf_eval::prelude::*;
-use mtf_eval::ssm::{Gradient, JacobianKind, Points};
 use serde_json::{Map, Value, json};
 use std::error::Error;
 use std::hint::black_box;

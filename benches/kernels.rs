@@ -5,13 +5,13 @@
 mod common;
 
 use common::{fastest, row};
-use mtf_eval::diagnose::Waves;
-use mtf_eval::geom::solve::SymMatrix;
-use mtf_eval::geom::{Corners, Mat3, homography};
-use mtf_eval::image::{Image, parse_preprocessor};
-use mtf_eval::kernels::{self, Border, Grid2, Jacobian, sample_reference, steepest_reference};
-use mtf_eval::params::Resolution;
-use mtf_eval::ssm::{Gradient, Homography, JacobianKind, Points, StateSpaceModel};
+use mtf::diagnose::Waves;
+use mtf::geom::solve::SymMatrix;
+use mtf::geom::{Corners, Mat3, homography};
+use mtf::image::{Image, parse_preprocessor};
+use mtf::kernels::{self, Border, Grid2, Jacobian, sample_reference, steepest_reference};
+use mtf::params::Resolution;
+use mtf::ssm::{Gradient, Homography, JacobianKind, Points, StateSpaceModel};
 
 const RES: Resolution = Resolution { cols: 50, rows: 50 };
 

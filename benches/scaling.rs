@@ -4,11 +4,14 @@
 //! `cargo bench --bench scaling`
 
 use cpu_time::ProcessTime;
+use mtf::diagnose::Waves;
+use mtf::image::parse_preprocessor;
+use mtf::registry::Registry;
 use mtf_eval::dataset::{self, LoadOptions, Sequence};
-use mtf_eval::diagnose::Waves;
-use mtf_eval::eval::{self, FrameLogs, RunRequest, TrackerEntry};
-use mtf_eval::image::parse_preprocessor;
-use mtf_eval::registry::Registry;
+use mtf_eval::plan::plan::FrameLogs;
+use mtf_eval::plan::request::RunRequest;
+use mtf_eval::plan::request::TrackerEntry;
+use mtf_eval::run;
 use std::error::Error;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -77,7 +80,7 @@ fn time(
         host: Default::default(),
     };
     let begin = ProcessTime::try_now()?;
-    let report = eval::run(&request, &eval::Silent, &AtomicBool::new(false))?;
+    let report = run::run(&request, &run::Silent, &AtomicBool::new(false))?;
     let seconds = begin.try_elapsed()?.as_secs_f64();
     assert!(report.failed.is_empty(), "{:?}", report.failed);
     Ok(seconds)

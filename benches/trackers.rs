@@ -7,8 +7,8 @@
 mod common;
 
 use common::{fastest, row};
-use mtf_eval::diagnose::Waves;
-use mtf_eval::geom::{Corners, Mat3, homography};
+use mtf::diagnose::Waves;
+use mtf::geom::{Corners, Mat3, homography};
 use mtf_eval::prelude::*;
 
 const SIZE: (usize, usize) = (640, 480);
@@ -84,7 +84,7 @@ fn time_by_name(registry: &Registry, id: &str, frames: &[Frame], start: &Corners
 }
 
 fn main() {
-    println!("instruction set: {}", mtf_eval::kernels::simd_level().name());
+    println!("instruction set: {}", mtf::kernels::simd_level().name());
     let frames = frames();
     let start = Corners([[210.3, 150.1], [430.7, 158.2], [425.4, 332.9], [205.0, 326.3]]);
     let registry = Registry::builtin();

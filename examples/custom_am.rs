@@ -6,15 +6,18 @@
 //!
 //! `cargo run --release --example custom_am`
 
-use mtf_eval::am::{AmModel, AppearanceModel, Capabilities, Metric, PatchShape, Side};
-use mtf_eval::eval::{self, FrameLogs, RunRequest, TrackerEntry};
-use mtf_eval::geom::solve::SymMatrix;
-use mtf_eval::kernels::Jacobian;
-use mtf_eval::output::{TableOptions, table};
+use mtf::am::{AmModel, AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use mtf::geom::solve::SymMatrix;
+use mtf::kernels::Jacobian;
+use mtf_eval::plan::plan::FrameLogs;
+use mtf_eval::plan::request::RunRequest;
+use mtf_eval::plan::request::TrackerEntry;
 use mtf_eval::prelude::*;
+use mtf_eval::report::{TableOptions, table};
+use mtf_eval::run;
 use std::sync::{Arc, atomic::AtomicBool};
 
-mtf_eval::params! {
+mtf::params! {
     /// Parameters of [`GemanMcClure`].
     pub struct GemanMcClureParams {
         /// Difference at which a pixel's influence starts to fade, gray levels.
@@ -165,7 +168,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         about: Default::default(),
         host: Default::default(),
     };
-    let report = eval::run(&request, &eval::Silent, &AtomicBool::new(false))?;
+    let report = run::run(&request, &run::Silent, &AtomicBool::new(false))?;
     print!("{}", table(&report.results, &TableOptions::default()));
     println!("everything else is in {}", report.path.display());
     Ok(())

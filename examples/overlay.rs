@@ -4,8 +4,8 @@
 //! `cargo run --release --example overlay -- plain-painting 45 docs/tracked.png`
 
 use image::{Rgb, RgbImage, imageops};
-use mtf_eval::diagnose::patch;
-use mtf_eval::params::Resolution;
+use mtf::diagnose::patch;
+use mtf::params::Resolution;
 use mtf_eval::prelude::*;
 
 /// Pixels per image pixel.

@@ -4,9 +4,9 @@
 #[path = "common/shared.rs"]
 mod shared;
 
+use mtf::image::{Frame, parse_preprocessor};
+use mtf::registry::{Registry, Selection};
 use mtf_eval::dataset::{self, LoadOptions, Sequence};
-use mtf_eval::image::{Frame, parse_preprocessor};
-use mtf_eval::registry::{Registry, Selection};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 

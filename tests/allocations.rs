@@ -1,7 +1,7 @@
 //! No tracker allocates while it tracks: after the first frames, `update` works in the memory it has.
 
+use mtf::sm::SmEntry;
 use mtf_eval::prelude::*;
-use mtf_eval::sm::SmEntry;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -45,7 +45,7 @@ const WARM: usize = 6;
 
 /// A plane that swings by about a pixel a frame, with all that a frame makes of itself made.
 fn frames() -> Vec<Frame> {
-    let waves = mtf_eval::diagnose::Waves::new(5);
+    let waves = mtf::diagnose::Waves::new(5);
     (0..WARM + 6)
         .map(|i| {
             let t = 0.5 * i as f64;

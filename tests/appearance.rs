@@ -1,10 +1,10 @@
 //! Appearance models on the embedded dataset: what is plain is tracked closely, and changes of lighting by the models
 //! made for them.
 
-use mtf_eval::am::AMS;
+use mtf::am::AMS;
+use mtf::image::{Frame, parse_preprocessor};
+use mtf::registry::{Registry, Selection};
 use mtf_eval::dataset;
-use mtf_eval::image::{Frame, parse_preprocessor};
-use mtf_eval::registry::{Registry, Selection};
 use rayon::prelude::*;
 
 /// Share of frames within 5 px, and the mean error, of each tracker on every sequence with a tag.

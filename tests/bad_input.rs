@@ -1,7 +1,7 @@
 //! Every kind of bad data gives exactly one clear error: where it is, what is wrong, what to do.
 
+use mtf::geom::Corners;
 use mtf_eval::dataset::{self, Dataset, DatasetError, LoadOptions, OnBadData, Severity};
-use mtf_eval::geom::Corners;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 

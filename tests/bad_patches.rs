@@ -4,14 +4,14 @@
 mod common;
 
 use common::{alignment_error, moved};
-use mtf_eval::am::{AMS, AppearanceModel, Curvature, Normal, PatchShape, Side};
-use mtf_eval::diagnose::Waves;
-use mtf_eval::geom::{Corners, Mat3};
-use mtf_eval::image::{Frame, Image};
-use mtf_eval::kernels::Jacobian;
-use mtf_eval::params::Resolution;
-use mtf_eval::registry::{Registry, Selection};
-use mtf_eval::tracker::TrackError;
+use mtf::am::{AMS, AppearanceModel, Curvature, Normal, PatchShape, Side};
+use mtf::diagnose::Waves;
+use mtf::geom::{Corners, Mat3};
+use mtf::image::{Frame, Image};
+use mtf::kernels::Jacobian;
+use mtf::params::Resolution;
+use mtf::registry::{Registry, Selection};
+use mtf::tracker::TrackError;
 
 const SHAPES: [(usize, usize); 5] = [(1, 1), (2, 2), (1, 9), (9, 1), (13, 11)];
 

@@ -3,12 +3,12 @@
 #[path = "common/shared.rs"]
 mod shared;
 
+use mtf::geom::Corners;
+use mtf::image::{Frame, Image, Pixels, parse_preprocessor};
+use mtf::registry::Registry;
+use mtf::tracker::Tracker;
 use mtf_eval::dataset::{self, LoadOptions, Sequence};
-use mtf_eval::geom::Corners;
-use mtf_eval::image::{Decoded, Frame, Image, parse_preprocessor};
-use mtf_eval::registry::Registry;
 use mtf_eval::synth::{SynthSpec, render_sequence};
-use mtf_eval::tracker::Tracker;
 
 fn best() -> Box<dyn Tracker> {
     let registry = Registry::builtin();
@@ -16,7 +16,7 @@ fn best() -> Box<dyn Tracker> {
 }
 
 /// Corners in every frame, and their truth.
-fn track(frames: impl IntoIterator<Item = (Decoded, Corners)>) -> Vec<(Corners, Corners)> {
+fn track(frames: impl IntoIterator<Item = (Pixels, Corners)>) -> Vec<(Corners, Corners)> {
     let mut tracker = best();
     let smooth = parse_preprocessor("gaussian:5:3").unwrap();
     let mut tracked = Vec::new();
@@ -83,7 +83,7 @@ fn an_object_that_moves_fast_turns_is_blurred_and_half_covered_is_kept() {
         let [w, h] = spec.size;
         let frames = rendered
             .iter()
-            .map(|(image, truth)| (Decoded::from_rgb(w, h, image.into_raw()), truth));
+            .map(|(image, truth)| (Pixels::from_rgb(w, h, image.into_raw()), truth));
         tracked.extend(track(frames));
     }
     let (near, mean) = score(&tracked);

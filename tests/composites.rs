@@ -1,16 +1,16 @@
 //! Grids of points and of trackers, straight lines and key points, on scenes made of the textures the crate draws.
 
-use mtf_eval::compose::{
+use mtf::compose::{
     FeatureParams, FeatureTracker, Grid, GridReset, KltGrid, LineParams, LineTracker, NodeParams, PatchParams,
 };
-use mtf_eval::estimate::{EstimateMethod, EstimatorParams};
-use mtf_eval::features::MatchParams;
-use mtf_eval::flow::KltParams;
-use mtf_eval::geom::{Corners, Mat3, homography};
-use mtf_eval::image::{Frame, Image};
-use mtf_eval::params::Resolution;
+use mtf::estimate::{EstimateMethod, EstimatorParams};
+use mtf::features::MatchParams;
+use mtf::flow::KltParams;
+use mtf::geom::{Corners, Mat3, homography};
+use mtf::image::{Frame, Image};
+use mtf::params::Resolution;
+use mtf::registry::{Registry, SpecError};
 use mtf_eval::prelude::*;
-use mtf_eval::registry::{Registry, SpecError};
 use mtf_eval::synth::texture;
 
 /// A texture as gray values, sampled bilinearly, mirrored at its borders.

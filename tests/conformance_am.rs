@@ -2,12 +2,12 @@
 
 mod common;
 
-use mtf_eval::am::{AMS, AppearanceModel, PatchShape, Side};
-use mtf_eval::diagnose::{self, PatchPair, Waves};
-use mtf_eval::geom::solve::{SymMatrix, solve_negative};
-use mtf_eval::ilm::ILMS;
-use mtf_eval::kernels::Jacobian;
-use mtf_eval::params::Resolution;
+use mtf::am::{AMS, AppearanceModel, PatchShape, Side};
+use mtf::diagnose::{self, PatchPair, Waves};
+use mtf::geom::solve::{SymMatrix, solve_negative};
+use mtf::ilm::ILMS;
+use mtf::kernels::Jacobian;
+use mtf::params::Resolution;
 use rand::RngExt;
 
 const SHAPE: Resolution = Resolution { cols: 13, rows: 11 };

@@ -3,12 +3,12 @@
 mod common;
 
 use common::{alignment_error, moved, perturbation, rng};
-use mtf_eval::am::{AMS, AppearanceModel};
-use mtf_eval::diagnose::Waves;
-use mtf_eval::geom::{Corners, Mat3, homography};
-use mtf_eval::image::{Frame, Image};
-use mtf_eval::registry::{Registry, Selection, SpecError};
-use mtf_eval::tracker::{TrackError, Tracker};
+use mtf::am::{AMS, AppearanceModel};
+use mtf::diagnose::Waves;
+use mtf::geom::{Corners, Mat3, homography};
+use mtf::image::{Frame, Image};
+use mtf::registry::{Registry, Selection, SpecError};
+use mtf::tracker::{TrackError, Tracker};
 
 const SIZE: (usize, usize) = (240, 200);
 /// Small enough for a test, large enough to track.

@@ -3,11 +3,11 @@
 mod common;
 
 use common::{alignment_error, moved, perturbation};
-use mtf_eval::am::AppearanceModel;
-use mtf_eval::diagnose::Waves;
-use mtf_eval::geom::{Corners, Mat3, homography};
-use mtf_eval::registry::{Registry, Selection};
-use mtf_eval::tracker::{Stop, TrackError, Tracker};
+use mtf::am::AppearanceModel;
+use mtf::diagnose::Waves;
+use mtf::geom::{Corners, Mat3, homography};
+use mtf::registry::{Registry, Selection};
+use mtf::tracker::{Stop, TrackError, Tracker};
 
 const SIZE: (usize, usize) = (240, 200);
 
@@ -47,7 +47,7 @@ fn all(extra: &[(&str, &str)]) -> Vec<(String, Box<dyn Tracker>)> {
         .collect()
 }
 
-fn still(waves: &Waves) -> mtf_eval::image::Frame {
+fn still(waves: &Waves) -> mtf::image::Frame {
     moved(waves, SIZE, &Mat3::identity())
 }
 
@@ -290,7 +290,7 @@ fn set_region_keeps_the_template() {
 
 #[test]
 fn failures_are_typed_and_leave_the_tracker_usable() {
-    use mtf_eval::image::{Frame, Image};
+    use mtf::image::{Frame, Image};
     let waves = Waves::new(6);
     let flat = || Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, |_, _| 90.0));
     let poisoned = || Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, |_, _| f32::NAN));
@@ -331,13 +331,13 @@ fn failures_are_typed_and_leave_the_tracker_usable() {
 /// Motion inside a warp's family is found exactly by every Lucas-Kanade method that accepts the warp.
 #[test]
 fn every_warp_recovers_its_own_motion() {
-    use mtf_eval::ssm::{SSMS, StateSpaceModel};
+    use mtf::ssm::{SSMS, StateSpaceModel};
     use rand::RngExt;
     let registry = Registry::builtin();
     let waves = Waves::new(13);
     for entry in SSMS {
         let mut ssm: Box<dyn StateSpaceModel> = (entry.build)(&[]).unwrap();
-        let res = mtf_eval::params::Resolution { cols: 50, rows: 50 };
+        let res = mtf::params::Resolution { cols: 50, rows: 50 };
         ssm.init(&quad(), res).unwrap();
         // Warps that no matrix describes are tested on their own; here they follow a translation.
         let rigid = ssm.capabilities().compositional;

@@ -3,10 +3,10 @@
 
 mod common;
 
-use mtf_eval::diagnose;
-use mtf_eval::geom::{Corners, Mat3, homography};
-use mtf_eval::params::Resolution;
-use mtf_eval::ssm::{
+use mtf::diagnose;
+use mtf::geom::{Corners, Mat3, homography};
+use mtf::params::Resolution;
+use mtf::ssm::{
     Affine, Asrt, Ast, Cbh, Homography, Increment, Isometry, Ist, LieAffine, LieHomography, LieIsometry,
     Projective, ProjectiveModel, SSMS, Similitude, Sl3, Spline, SsmEntry, SsmModel, StateSpaceModel, Tps,
     Translation, fit_truth,
@@ -215,31 +215,28 @@ fn linear_battery<S: SsmModel + Default>() {
 
 /// The names the batteries cover; the table may hold no others.
 const COVERED: [(&str, fn()); 15] = [
-    (Translation::NAME, battery::<mtf_eval::ssm::TranslationModel>),
-    (Isometry::NAME, battery::<mtf_eval::ssm::IsometryModel>),
-    (Ist::NAME, battery::<mtf_eval::ssm::IstModel>),
-    (Ast::NAME, battery::<mtf_eval::ssm::AstModel>),
-    (Similitude::NAME, battery::<mtf_eval::ssm::SimilitudeModel>),
-    (Asrt::NAME, battery::<mtf_eval::ssm::AsrtModel>),
-    (Affine::NAME, battery::<mtf_eval::ssm::AffineModel>),
-    (Homography::NAME, battery::<mtf_eval::ssm::HomographyModel>),
-    (Cbh::NAME, battery::<mtf_eval::ssm::CbhModel>),
+    (Translation::NAME, battery::<mtf::ssm::TranslationModel>),
+    (Isometry::NAME, battery::<mtf::ssm::IsometryModel>),
+    (Ist::NAME, battery::<mtf::ssm::IstModel>),
+    (Ast::NAME, battery::<mtf::ssm::AstModel>),
+    (Similitude::NAME, battery::<mtf::ssm::SimilitudeModel>),
+    (Asrt::NAME, battery::<mtf::ssm::AsrtModel>),
+    (Affine::NAME, battery::<mtf::ssm::AffineModel>),
+    (Homography::NAME, battery::<mtf::ssm::HomographyModel>),
+    (Cbh::NAME, battery::<mtf::ssm::CbhModel>),
     (
         LieIsometry::NAME,
-        battery::<mtf_eval::ssm::LieModel<mtf_eval::ssm::LieIsometryBasis>>,
+        battery::<mtf::ssm::LieModel<mtf::ssm::LieIsometryBasis>>,
     ),
     (
         LieAffine::NAME,
-        battery::<mtf_eval::ssm::LieModel<mtf_eval::ssm::LieAffineBasis>>,
+        battery::<mtf::ssm::LieModel<mtf::ssm::LieAffineBasis>>,
     ),
     (
         LieHomography::NAME,
-        battery::<mtf_eval::ssm::LieModel<mtf_eval::ssm::LieHomographyBasis>>,
+        battery::<mtf::ssm::LieModel<mtf::ssm::LieHomographyBasis>>,
     ),
-    (
-        Sl3::NAME,
-        battery::<mtf_eval::ssm::LieModel<mtf_eval::ssm::Sl3Basis>>,
-    ),
+    (Sl3::NAME, battery::<mtf::ssm::LieModel<mtf::ssm::Sl3Basis>>),
     (Spline::NAME, linear_battery::<Spline>),
     (Tps::NAME, linear_battery::<Tps>),
 ];

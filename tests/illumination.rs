@@ -4,14 +4,14 @@
 mod common;
 
 use common::{alignment_error, moved, perturbation};
+use mtf::diagnose::Waves;
+use mtf::geom::{Corners, Mat3, homography};
+use mtf::ilm::ILMS;
+use mtf::image::{Frame, Image, Pixels, parse_preprocessor};
+use mtf::tracker::{Stop, Tracker};
 use mtf_eval::dataset;
-use mtf_eval::diagnose::Waves;
-use mtf_eval::eval::error::frame_error;
-use mtf_eval::geom::{Corners, Mat3, homography};
-use mtf_eval::ilm::ILMS;
-use mtf_eval::image::{Decoded, Frame, Image, parse_preprocessor};
+use mtf_eval::metric::error::frame_error;
 use mtf_eval::prelude::*;
-use mtf_eval::tracker::{Stop, Tracker};
 
 const SIZE: (usize, usize) = (240, 200);
 const METHODS: [&str; 5] = ["falk", "ialk", "fclk", "iclk", "esm"];
@@ -329,7 +329,7 @@ fn colour_models_track_in_colour() {
         let back = m.try_inverse().unwrap();
         let at = |i: usize| homography::apply(&back, [(i % SIZE.0) as f64, (i / SIZE.0) as f64]);
         let pixels = (0..SIZE.0 * SIZE.1).flat_map(|i| planes.iter().map(move |w| w.at(at(i)).round() as u8));
-        let decoded = Decoded::from_rgb(SIZE.0, SIZE.1, pixels.collect());
+        let decoded = Pixels::from_rgb(SIZE.0, SIZE.1, pixels.collect());
         Frame::new(decoded, parse_preprocessor("none").unwrap())
     };
     let (first, next) = (frame(&Mat3::identity()), frame(&motion));

@@ -1,7 +1,7 @@
 //! Feature maps of networks read from files in ONNX format, and how bad files are refused. Without the cargo feature
 //! `onnx` every file is, with the way to read it.
 
-use mtf_eval::registry::{Registry, SpecError};
+use mtf::registry::{Registry, SpecError};
 
 const NETWORK: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/edges.onnx");
 
@@ -34,13 +34,13 @@ fn without_the_feature_a_network_is_refused_with_its_name() {
 #[cfg(feature = "onnx")]
 mod with_networks {
     use super::*;
-    use mtf_eval::am::{AmModel, AppearanceModel, Dfm, DfmParams, Network, NetworkError, PatchShape, Side};
-    use mtf_eval::diagnose::Waves;
-    use mtf_eval::geom::{Corners, Mat3, homography};
-    use mtf_eval::image::{Frame, Image};
-    use mtf_eval::kernels::{self, Jacobian};
-    use mtf_eval::params::Resolution;
-    use mtf_eval::tracker::TrackError;
+    use mtf::am::{AmModel, AppearanceModel, Dfm, DfmParams, Network, NetworkError, PatchShape, Side};
+    use mtf::diagnose::Waves;
+    use mtf::geom::{Corners, Mat3, homography};
+    use mtf::image::{Frame, Image};
+    use mtf::kernels::{self, Jacobian};
+    use mtf::params::Resolution;
+    use mtf::tracker::TrackError;
 
     const SIZE: (usize, usize) = (200, 180);
 

@@ -2,13 +2,13 @@
 
 mod common;
 
-use mtf_eval::am::Ssd;
-use mtf_eval::diagnose::Waves;
-use mtf_eval::geom::{Corners, Mat3, homography};
-use mtf_eval::image::{Frame, Image};
-use mtf_eval::sm::{Esm, Falk, Ialk, Lk, LkMethod};
-use mtf_eval::ssm::{Homography, Spline, StateSpaceModel, Tps};
-use mtf_eval::tracker::Tracker;
+use mtf::am::Ssd;
+use mtf::diagnose::Waves;
+use mtf::geom::{Corners, Mat3, homography};
+use mtf::image::{Frame, Image};
+use mtf::sm::{Esm, Falk, Ialk, Lk, LkMethod};
+use mtf::ssm::{Homography, Spline, StateSpaceModel, Tps};
+use mtf::tracker::Tracker;
 
 const SIZE: (usize, usize) = (320, 240);
 const FRAMES: usize = 24;

@@ -2,10 +2,10 @@
 
 mod common;
 
-use mtf_eval::estimate::{EstimateMethod, Estimator, EstimatorParams};
-use mtf_eval::geom::{Corners, homography};
-use mtf_eval::params::Resolution;
-use mtf_eval::ssm::{SSMS, StateSpaceModel};
+use mtf::estimate::{EstimateMethod, Estimator, EstimatorParams};
+use mtf::geom::{Corners, homography};
+use mtf::params::Resolution;
+use mtf::ssm::{SSMS, StateSpaceModel};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;

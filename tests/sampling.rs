@@ -2,9 +2,9 @@
 
 mod common;
 
-use mtf_eval::geom::Corners;
-use mtf_eval::params::{ParamValue, Resolution};
-use mtf_eval::ssm::{
+use mtf::geom::Corners;
+use mtf::params::{ParamValue, Resolution};
+use mtf::ssm::{
     Dynamics, Homography, Increment, Mean, Perturbation, SSMS, SampleUnit, Sampler, SigmaSets, Sl3,
     StateSpaceModel, Translation, mean_into, sigma_of_motion,
 };

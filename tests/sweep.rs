@@ -236,7 +236,7 @@ fn a_merge_names_what_is_missing_and_refuses_what_does_not_match() {
     text.push(b'\n');
     fs::create_dir_all(target.parent().unwrap()).unwrap();
     fs::write(&target, &text).unwrap();
-    entry["log"] = mtf_eval::eval::rundir::digest(&text).into();
+    entry["log"] = mtf_eval::store::rundir::digest(&text).into();
     fs::write(dir.join("forged/journal.jsonl"), format!("{entry}\n")).unwrap();
     program(dir)
         .args(["merge", "out", "s1", "s2", "s3", "forged"])
@@ -511,7 +511,7 @@ fn frame_logs_may_be_compressed() {
     };
     let (csv, zst) = (log("csv", "csv"), log("zst", "csv.zst"));
     assert!(zst.len() < csv.len() * 2 / 3, "{} of {}", zst.len(), csv.len());
-    assert_eq!(mtf_eval::eval::framelog::unpack_log(zst).unwrap(), csv);
+    assert_eq!(mtf_eval::store::framelog::unpack_log(zst).unwrap(), csv);
     for file in ["summary.csv", "sequences.csv", "curves.csv"] {
         assert_eq!(
             fs::read(dir.join("csv").join(file)).unwrap(),

@@ -4,13 +4,9 @@
 #[path = "synth/esm.rs"]
 mod esm;
 
-#[allow(dead_code, reason = "compiled here for its options alone")]
-#[path = "../src/cli/synth.rs"]
-mod cli;
-
 use clap::Parser;
 use esm::Gray;
-use mtf_eval::geom::Corners;
+use mtf::geom::Corners;
 use mtf_eval::synth::{
     Format, Mode, SynthSpec, builtin_commands, builtin_spec, dense_ground_truth, encode, frames,
     ground_truth, metadata, render_sequence, write_sequence,
@@ -409,12 +405,12 @@ fn random_walks_keep_their_model_and_stay_inside() {
 #[derive(Parser)]
 struct Program {
     #[command(flatten)]
-    args: cli::SynthArgs,
+    args: mtf_eval::cli::synth::SynthArgs,
 }
 
 fn synth(words: &[&str]) -> anyhow::Result<std::process::ExitCode> {
     let program = Program::try_parse_from(std::iter::once(&"synth").chain(words))?;
-    cli::run(&program.args)
+    mtf_eval::cli::synth::run(&program.args)
 }
 
 #[test]

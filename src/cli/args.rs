@@ -10,10 +10,11 @@ use super::merge::MergeArgs;
 use super::plan::PlanArgs;
 use super::status::StatusArgs;
 use super::synth::SynthArgs;
+use crate::plan::protocol::Protocols;
+use crate::plan::shard::Shard;
+use crate::report::Format;
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use mtf_eval::eval::{Protocols, Shard};
-use mtf_eval::output::Format;
-use mtf_eval::params::{ParamValue, Resolution};
+use mtf::params::{ParamValue, Resolution};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -302,7 +303,7 @@ pub struct TableArgs {
     #[arg(long, value_name = "FORMAT", default_value = "table")]
     pub format: Format,
     /// Column to sort by, best first
-    #[arg(long, value_name = "COLUMN", default_value = "auc", value_parser = mtf_eval::output::parse_sort)]
+    #[arg(long, value_name = "COLUMN", default_value = "auc", value_parser = crate::report::parse_sort)]
     pub sort: String,
     /// How many trackers to show (0: all)
     #[arg(long, value_name = "N", default_value = "20")]

@@ -3,11 +3,12 @@
 use super::args::TrackerArgs;
 use super::experiment::{USUAL_FILTER, trackers};
 use super::{Console, Failure, Outcome, exit, print};
-use mtf_eval::eval::basin::{self, BasinError, BasinRequest, BasinRow, Texture};
-use mtf_eval::image::{Frame, Identity, decode, parse_preprocessor};
-use mtf_eval::output::{Format, render};
-use mtf_eval::registry::Registry;
-use mtf_eval::synth::texture::TEXTURES;
+use crate::dataset::decode;
+use crate::measure::basin::{self, BasinError, BasinRequest, BasinRow, Texture};
+use crate::report::{Format, render};
+use crate::synth::texture::TEXTURES;
+use mtf::image::{Frame, Identity, parse_preprocessor};
+use mtf::registry::Registry;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -174,7 +175,7 @@ fn textures(paths: &[PathBuf]) -> Result<Vec<Texture>, Failure> {
             let (w, h) = image.dimensions();
             Texture {
                 name: t.name.to_owned(),
-                image: mtf_eval::image::Image::from_fn(w as usize, h as usize, gray),
+                image: mtf::image::Image::from_fn(w as usize, h as usize, gray),
             }
         });
         return Ok(drawn.collect());

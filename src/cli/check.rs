@@ -2,10 +2,11 @@
 
 mod report;
 
+use crate::judge::baseline::{Baseline, recorded_command};
+use crate::judge::gate::{Change, Tolerances};
+use crate::report::{Format, junit, read_summary};
+use crate::store::{Durable, write_atomic};
 use anyhow::{Context, bail, ensure};
-use mtf_eval::eval::baseline::{Baseline, recorded_command};
-use mtf_eval::eval::gate::{Change, Tolerances};
-use mtf_eval::output::{Durable, Format, junit, read_summary, write_atomic};
 use report::{Report, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -215,11 +216,11 @@ impl Update<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::metric::aggregate::{TrackerName, UnitResult, UnitStatus, aggregate};
+    use crate::metric::error::frame_error;
+    use crate::report::{Meta, write_results};
     use clap::Parser;
-    use mtf_eval::eval::aggregate::{TrackerName, UnitResult, UnitStatus, aggregate};
-    use mtf_eval::eval::error::frame_error;
-    use mtf_eval::geom::Corners;
-    use mtf_eval::output::{Meta, write_results};
+    use mtf::geom::Corners;
 
     #[derive(clap::Parser)]
     struct Cli {

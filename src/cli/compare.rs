@@ -1,9 +1,9 @@
 //! `mtf-eval compare`: what changed between runs, and whether it is more than chance.
 
 use super::{Console, Failure, Outcome, exit, print};
-use mtf_eval::eval::aggregate::Average;
-use mtf_eval::eval::compare::{Comparison, Options, Run, TrackerChange, Verdict, compare, parse_figure};
-use mtf_eval::output::{Format, render};
+use crate::judge::compare::{Comparison, Options, Run, TrackerChange, Verdict, compare, parse_figure};
+use crate::metric::aggregate::Average;
+use crate::report::{Format, render};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -101,7 +101,7 @@ pub fn run(args: &CompareArgs, console: &Console) -> Outcome {
         .map(|run| compare(&runs[0], run, &options))
         .collect::<Result<_, _>>()
         .map_err(|e| match e {
-            mtf_eval::eval::compare::CompareError::NotComparable(_) => Failure::new(exit::NOT_COMPARABLE, e),
+            crate::judge::compare::CompareError::NotComparable(_) => Failure::new(exit::NOT_COMPARABLE, e),
             other => Failure::usage(other),
         })?;
     let text = match args.format {

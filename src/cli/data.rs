@@ -1,9 +1,9 @@
 //! `mtf-eval data`: looks into datasets and finds what is wrong with them.
 
+use crate::dataset::{self, Dataset, LoadOptions, Severity};
 use anyhow::Result;
 use clap::{Args, Subcommand, ValueEnum};
 use comfy_table::{CellAlignment, Table, presets};
-use mtf_eval::dataset::{self, Dataset, LoadOptions, Severity};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::PathBuf;

@@ -1,13 +1,13 @@
 //! `mtf-eval diagnose`: analytic against numeric derivatives.
 
 use super::{Failure, Outcome, exit, print};
-use mtf_eval::dataset::{self, LoadOptions};
-use mtf_eval::diagnose::{self, Check, PatchPair};
-use mtf_eval::geom::Corners;
-use mtf_eval::image::{Frame, parse_preprocessor};
-use mtf_eval::output::{Format, render};
-use mtf_eval::params::{ParamValue, Resolution};
-use mtf_eval::registry::Registry;
+use crate::dataset::{self, LoadOptions};
+use crate::report::{Format, render};
+use mtf::diagnose::{self, Check, PatchPair};
+use mtf::geom::Corners;
+use mtf::image::{Frame, parse_preprocessor};
+use mtf::params::{ParamValue, Resolution};
+use mtf::registry::Registry;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -151,12 +151,12 @@ pub fn run(args: &DiagnoseArgs) -> Outcome {
 
 /// The region of both frames at the corners of the first.
 fn pair(
-    images: [&mtf_eval::image::Image; 2],
+    images: [&mtf::image::Image; 2],
     corners: &Corners,
     res: Resolution,
 ) -> Result<PatchPair, diagnose::DiagnoseError> {
     Ok(PatchPair {
-        shape: mtf_eval::am::PatchShape { res, channels: 1 },
+        shape: mtf::am::PatchShape { res, channels: 1 },
         template: diagnose::patch(images[0], corners, res)?,
         current: diagnose::patch(images[1], corners, res)?,
     })

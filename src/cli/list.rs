@@ -2,13 +2,13 @@
 
 use super::args::{ListArgs, ListWhat};
 use super::{Failure, Outcome, print};
-use mtf_eval::dataset::{self, LoadOptions, OnBadData};
-use mtf_eval::eval::error::Metric;
-use mtf_eval::eval::score::FIGURES;
-use mtf_eval::ilm::IlmEntry;
-use mtf_eval::output::{Format, render};
-use mtf_eval::params::ParamInfo;
-use mtf_eval::registry::{Expansion, Registry, Selection};
+use crate::dataset::{self, LoadOptions, OnBadData};
+use crate::metric::error::Metric;
+use crate::metric::score::FIGURES;
+use crate::report::{Format, render};
+use mtf::ilm::IlmEntry;
+use mtf::params::ParamInfo;
+use mtf::registry::{Expansion, Registry, Selection};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -60,9 +60,8 @@ fn listing(what: ListWhat, registry: &Registry, data: &[PathBuf]) -> Result<List
     let mut note = String::new();
     let (title, header, rows) = match what {
         ListWhat::Sm => {
-            let describe = |e: &mtf_eval::sm::SmEntry| {
-                row(&[e.name, &e.aliases.join(" "), &e.groups.join(" "), e.summary])
-            };
+            let describe =
+                |e: &mtf::sm::SmEntry| row(&[e.name, &e.aliases.join(" "), &e.groups.join(" "), e.summary]);
             let short = registry
                 .short()
                 .iter()

@@ -4,7 +4,7 @@ use super::args::{ProgressMode, TableArgs, at_least_one};
 use super::progress::Progress;
 use super::run::{failure, show};
 use super::{Console, Failure, Outcome, exit};
-use mtf_eval::eval::merge::{MergeRequest, Merged, merge};
+use crate::run::merge::{MergeRequest, Merged, merge};
 use serde_json::Map;
 use std::path::PathBuf;
 

@@ -14,7 +14,7 @@ mod plan;
 mod progress;
 mod run;
 mod status;
-mod synth;
+pub mod synth;
 
 use args::{Cli, Command, Messages, When};
 use clap::{CommandFactory, Parser};

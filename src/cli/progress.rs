@@ -2,9 +2,9 @@
 
 use super::Console;
 use super::args::ProgressMode;
+use crate::run::runner::Observer;
+use crate::store::journal::Entry;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use mtf_eval::eval::Observer;
-use mtf_eval::eval::journal::Entry;
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock};

@@ -4,9 +4,11 @@ use super::args::{Cli, Command, ExecutionArgs, ProgressMode, RunArgs, TableArgs}
 use super::experiment::experiment;
 use super::progress::Progress;
 use super::{Console, Failure, Outcome, exit, print};
+use crate::plan::request::RunRequest;
+use crate::report::{TableOptions, table};
+use crate::run::runner::RunReport;
+use crate::store::rundir::RunError;
 use clap::Parser;
-use mtf_eval::eval::{self, RunError, RunReport, RunRequest};
-use mtf_eval::output::{TableOptions, table};
 use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -103,7 +105,7 @@ fn track(
             stop.store(true, Ordering::Relaxed);
         });
     }
-    eval::run(&request, &Progress::new(console, progress), &stop).map_err(failure)
+    crate::run::run(&request, &Progress::new(console, progress), &stop).map_err(failure)
 }
 
 /// Set by an interrupt, a request to terminate or SIGUSR1 (what batch systems send before time is up).
@@ -169,7 +171,7 @@ fn default_out(request: &RunRequest) -> Result<PathBuf, Failure> {
     let now = time::OffsetDateTime::now_utc()
         .format(&format)
         .map_err(Failure::usage)?;
-    let hash = eval::rundir::digest(&plan);
+    let hash = crate::store::rundir::digest(&plan);
     Ok(Path::new("results").join(format!("{now}-{}", &hash[..6])))
 }
 

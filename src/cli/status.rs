@@ -2,8 +2,8 @@
 
 use super::run::failure;
 use super::{Console, Failure, Outcome, exit, print};
-use mtf_eval::eval::status::{Activity, Status, status};
-use mtf_eval::output::{Format, render};
+use crate::report::{Format, render};
+use crate::store::status::{Activity, Status, status};
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -1,7 +1,7 @@
 //! `mtf-eval synth`: renders a sequence with exact ground truth.
 
+use crate::synth::{SynthError, SynthSpec, Written, texture, write_builtin, write_sequence};
 use anyhow::Context as _;
-use mtf_eval::synth::{SynthError, SynthSpec, Written, texture, write_builtin, write_sequence};
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;

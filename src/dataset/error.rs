@@ -1,6 +1,6 @@
 //! What can be wrong with a dataset, and where.
 
-use crate::image::ImageError;
+use super::decode::ImageError;
 use std::path::{Path, PathBuf};
 
 /// A fault of a dataset: where it is, what is wrong and what to do. Displays as `path:line: what; remedy`.

@@ -5,6 +5,7 @@
 //! and one line in its table. Depends on `geom` and `image`.
 
 mod check;
+mod decode;
 mod error;
 mod grid;
 mod layout;
@@ -18,6 +19,7 @@ mod truth;
 mod tests;
 
 pub use check::{Checked, Fault, Severity, check};
+pub use decode::{ImageError, MAX_PIXELS, decode, decode_file, dimensions};
 pub use error::{DatasetError, DatasetErrorKind};
 pub use grid::GRID_FILE;
 pub use order::natural;

@@ -1,11 +1,11 @@
 //! From a found sequence to an opened one, collecting every fault on the way.
 
+use super::decode::dimensions;
 use super::grid::{self, GRID_FILE, Grid};
 use super::layout::Found;
 use super::sequence::{Sequence, Whole};
 use super::truth::{self, Truth};
 use super::{DatasetError, DatasetErrorKind, Label};
-use crate::image::dimensions;
 use sha2::{Digest, Sha256};
 
 /// A sequence whose text files are read; no image has been looked at.

@@ -1,10 +1,11 @@
 //! One sequence: frames, ground truth, tags; decoded frame by frame on demand.
 
+use super::decode::decode;
 use super::grid::{GRID_FILE, Grid};
 use super::source::{File, Folder};
 use super::{DatasetError, DatasetErrorKind};
-use crate::geom::Corners;
-use crate::image::{Decoded, decode};
+use mtf::geom::Corners;
+use mtf::image::Pixels;
 use sha2::{Digest, Sha256};
 use std::borrow::Cow;
 use std::path::Path;
@@ -164,7 +165,7 @@ impl Sequence {
     /// Decodes frame `i` (with R, G, B when `colour`); panics when `i >= len()`.
     ///
     /// Errors: the file cannot be read or decoded, or has another size than the first frame.
-    pub fn read(&self, i: usize, colour: bool) -> Result<Decoded, DatasetError> {
+    pub fn read(&self, i: usize, colour: bool) -> Result<Pixels, DatasetError> {
         let file = &self.whole.frames[self.index(i)].1;
         self.whole.decoded.fetch_add(1, Ordering::Relaxed);
         let decoded = read_frame(file, colour)?;
@@ -230,7 +231,7 @@ impl Sequence {
 }
 
 /// Reads and decodes a file.
-pub(super) fn read_frame(file: &File, colour: bool) -> Result<Decoded, DatasetError> {
+pub(super) fn read_frame(file: &File, colour: bool) -> Result<Pixels, DatasetError> {
     decode(&file.read()?, colour).map_err(|e| DatasetError::new(file.path(), e.into()))
 }
 

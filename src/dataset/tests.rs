@@ -1,7 +1,7 @@
 //! Layouts, selections, fingerprints and real data. Faults are tested in `tests/bad_input.rs`.
 
 use super::*;
-use crate::geom::Corners;
+use mtf::geom::Corners;
 use std::path::PathBuf;
 
 const QUAD: [f64; 8] = [2.0, 2.0, 12.0, 2.0, 12.0, 9.0, 2.0, 9.0];

@@ -8,7 +8,7 @@ mod mtf_text;
 mod vot_polygon;
 
 use super::{DatasetError, DatasetErrorKind};
-use crate::geom::Corners;
+use mtf::geom::Corners;
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -6,7 +6,7 @@
 //! factors, so every warp lies exactly in the model. Depends on `geom` only.
 
 use super::random::Random;
-use crate::geom::Mat3;
+use mtf::geom::Mat3;
 
 /// The family of warps that the motion stays in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd)]
@@ -183,7 +183,7 @@ impl Curves {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::Corners;
+    use mtf::geom::Corners;
     use proptest::prelude::*;
 
     fn moved(pose: &Pose, points: &[[f64; 2]; 4]) -> [[f64; 2]; 4] {

@@ -5,7 +5,7 @@
 use super::path::{Path, project};
 use super::random::Random;
 use super::spec::SynthSpec;
-use crate::geom::Mat3;
+use mtf::geom::Mat3;
 
 /// A rectangular patch on a straight course.
 pub(crate) struct Occluder {

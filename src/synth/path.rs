@@ -5,7 +5,7 @@
 use super::motion::{Amplitudes, Curves, Pose, warp};
 use super::random::Random;
 use super::spec::{Mode, SynthError, SynthSpec};
-use crate::geom::{Corners, Mat3};
+use mtf::geom::{Corners, Mat3};
 
 /// Distance that corners keep from the frame's border, px.
 const BORDER: f64 = 3.0;

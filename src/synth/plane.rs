@@ -2,8 +2,8 @@
 //!
 //! Depends on `geom` only.
 
-use crate::geom::Mat3;
 use image::RgbImage;
+use mtf::geom::Mat3;
 
 /// Texels of one plane. Sheet coordinates are pixels of the first frame with the origin at the image's middle.
 pub(crate) struct Plane {

@@ -13,8 +13,8 @@ use super::plane::Plane;
 use super::random::Random;
 use super::spec::{Background, Mode, Source, SynthError, SynthSpec};
 use super::texture;
-use crate::geom::{Corners, Mat3, homography};
 use image::RgbImage;
+use mtf::geom::{Corners, Mat3, homography};
 use rayon::prelude::*;
 
 /// A sequence ready to be rendered frame by frame, in any order.

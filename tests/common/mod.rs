@@ -1,9 +1,9 @@
 //! What several integration tests need.
 #![allow(dead_code)]
 
-use mtf_eval::diagnose::Waves;
-use mtf_eval::geom::{Corners, Mat3, homography};
-use mtf_eval::image::{Frame, Image};
+use mtf::diagnose::Waves;
+use mtf::geom::{Corners, Mat3, homography};
+use mtf::image::{Frame, Image};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 

@@ -2,7 +2,7 @@
 //! judged by something that shares no code with what it is meant to judge.
 
 use image::RgbImage;
-use mtf_eval::geom::{Corners, Mat3};
+use mtf::geom::{Corners, Mat3};
 use nalgebra::{SMatrix, SVector, Vector3};
 
 const N: usize = 50;

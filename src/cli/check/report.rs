@@ -1,8 +1,8 @@
 //! What `check` says: for people, for programs, and in Markdown for the page of a CI run.
 
-use mtf_eval::eval::baseline::{Figure, Key};
-use mtf_eval::eval::gate::{Change, Comparison, Tolerances, Verdict};
-use mtf_eval::output::{Format, render};
+use crate::judge::baseline::{Figure, Key};
+use crate::judge::gate::{Change, Comparison, Tolerances, Verdict};
+use crate::report::{Format, render};
 use std::collections::BTreeSet;
 use std::path::Path;
 

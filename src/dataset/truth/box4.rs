@@ -1,7 +1,7 @@
 //! OTB's and VOT's box: `x y width height`, the origin at the corner of the first pixel.
 
 use super::{CORNER_TO_CENTRE, Form};
-use crate::geom::Corners;
+use mtf::geom::Corners;
 
 pub(super) const FORM: Form = Form {
     name: "box",

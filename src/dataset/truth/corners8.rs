@@ -1,7 +1,7 @@
 //! Eight numbers a row: `ulx uly urx ury lrx lry llx lly`, pixel centres at integers.
 
 use super::Form;
-use crate::geom::Corners;
+use mtf::geom::Corners;
 
 pub(super) const FORM: Form = Form {
     name: "corners",

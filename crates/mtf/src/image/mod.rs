@@ -1,0 +1,16 @@
+//! Images: gray and colour float planes, pre-processing, frames shared by many trackers.
+//!
+//! Depends on `kernels` only.
+
+mod frame;
+mod pixels;
+mod plane;
+mod preprocess;
+mod pyramid;
+
+pub use frame::Frame;
+pub use pixels::Pixels;
+pub use plane::Image;
+pub use preprocess::{
+    Gaussian, Identity, PREPROCESSORS, PreProcessor, PreProcessorEntry, PreProcessorError, parse_preprocessor,
+};

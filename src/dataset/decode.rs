@@ -1,0 +1,513 @@
+//! Decoding of image files into 8-bit pixels. Formats are recognised by content, never by name.
+
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use mtf::image::Pixels;
+use std::io::{Cursor, ErrorKind};
+use std::path::Path;
+use zune_core::bytestream::ZCursor;
+use zune_core::colorspace::ColorSpace;
+use zune_core::options::DecoderOptions;
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::errors::DecodeErrors;
+
+/// Most pixels an image may have.
+pub const MAX_PIXELS: u64 = 1 << 26;
+
+/// Why an image cannot be decoded. The messages are fragments that follow the file's name.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageError {
+    /// There are no bytes at all.
+    #[error("the image file is empty (0 bytes); copy it again")]
+    Empty,
+    /// The first bytes are those of no supported format.
+    #[error("not an image in a supported format; use JPEG, PNG, PNM, BMP, TIFF or GIF")]
+    UnknownFormat,
+    /// The file ends before the image does.
+    #[error("the {format} image is truncated; copy it again")]
+    Truncated {
+        /// Name of the file format.
+        format: &'static str,
+    },
+    /// The header claims more pixels than [`MAX_PIXELS`]; nothing was allocated for them.
+    #[error("the image header claims {width}x{height} pixels, more than the limit of {limit}; the file is corrupt or must be scaled down", limit = MAX_PIXELS)]
+    TooLarge {
+        /// Claimed width in pixels.
+        width: u64,
+        /// Claimed height in pixels.
+        height: u64,
+    },
+    /// The bytes break the rules of their format.
+    #[error("the {format} image is corrupt ({detail}); copy it again or leave it out")]
+    Corrupt {
+        /// Name of the file format.
+        format: &'static str,
+        /// What the decoder met.
+        detail: String,
+    },
+    /// A variant of the format that is not supported.
+    #[error("this kind of {format} image is not supported ({detail}); convert it to PNG")]
+    Unsupported {
+        /// Name of the file format.
+        format: &'static str,
+        /// What is not supported.
+        detail: String,
+    },
+    /// The file cannot be read.
+    #[error("cannot read the image: {0}")]
+    Io(std::io::Error),
+}
+
+impl From<std::io::Error> for ImageError {
+    fn from(error: std::io::Error) -> Self {
+        ImageError::Io(error)
+    }
+}
+
+/// Decodes the image in `bytes`; with `colour` also keeps its R, G, B. The gray plane is the same to the bit either way.
+pub fn decode(bytes: &[u8], colour: bool) -> Result<Pixels, ImageError> {
+    match format_of(bytes)? {
+        ImageFormat::Jpeg => decode_jpeg(bytes, colour),
+        format => decode_other(bytes, format, colour),
+    }
+}
+
+/// [`decode`] of a file's content.
+pub fn decode_file(path: &Path, colour: bool) -> Result<Pixels, ImageError> {
+    decode(&std::fs::read(path)?, colour)
+}
+
+/// Width and height in pixels that the header in `bytes` claims, without decoding.
+pub fn dimensions(bytes: &[u8]) -> Result<(usize, usize), ImageError> {
+    match format_of(bytes)? {
+        ImageFormat::Jpeg => {
+            let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), jpeg_options());
+            decoder.decode_headers().map_err(|e| jpeg_error(bytes, e))?;
+            jpeg_size(&decoder)
+        }
+        format => {
+            let decoder = other_decoder(bytes, format)?;
+            let (width, height) = decoder.dimensions();
+            Ok((width as usize, height as usize))
+        }
+    }
+}
+
+fn format_of(bytes: &[u8]) -> Result<ImageFormat, ImageError> {
+    if bytes.is_empty() {
+        return Err(ImageError::Empty);
+    }
+    image::guess_format(bytes)
+        .ok()
+        .filter(|format| format.reading_enabled())
+        .ok_or(ImageError::UnknownFormat)
+}
+
+fn check_size(width: u64, height: u64) -> Result<(), ImageError> {
+    if width * height > MAX_PIXELS {
+        return Err(ImageError::TooLarge { width, height });
+    }
+    Ok(())
+}
+
+// JPEG ----------------------------------------------------------------------------------------------------------------
+
+fn jpeg_options() -> DecoderOptions {
+    // Strict: bad entropy-coded data must be an error, not a frame that is gray from there on.
+    DecoderOptions::default()
+        .set_strict_mode(true)
+        .set_max_width(1 << 16)
+        .set_max_height(1 << 16)
+}
+
+fn jpeg_size(decoder: &JpegDecoder<ZCursor<&[u8]>>) -> Result<(usize, usize), ImageError> {
+    let (width, height) = decoder.dimensions().unwrap_or((0, 0));
+    check_size(width as u64, height as u64)?;
+    Ok((width, height))
+}
+
+fn decode_jpeg(bytes: &[u8], colour: bool) -> Result<Pixels, ImageError> {
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), jpeg_options());
+    decoder.decode_headers().map_err(|e| jpeg_error(bytes, e))?;
+    let (width, height) = jpeg_size(&decoder)?;
+    let markers = walk_jpeg(bytes);
+    if !markers.reaches_end {
+        return Err(ImageError::Truncated { format: "JPEG" });
+    }
+    if !markers.known_sampling() {
+        let detail = format!("chroma sampling factors {:02x?}", markers.sampling);
+        return Err(ImageError::Unsupported {
+            format: "JPEG",
+            detail,
+        });
+    }
+    // The Y plane is gray by definition (BT.601); files that have none are converted to R, G, B first.
+    let output = match decoder.input_colorspace() {
+        Some(ColorSpace::Luma) => ColorSpace::Luma,
+        Some(ColorSpace::YCbCr) if !colour && markers.plain_luma() => ColorSpace::Luma,
+        Some(ColorSpace::YCbCr) => ColorSpace::YCbCr,
+        _ => ColorSpace::RGB,
+    };
+    decoder.set_options(jpeg_options().jpeg_set_out_colorspace(output));
+    let pixels = decoder.decode().map_err(|e| jpeg_error(bytes, e))?;
+    if pixels.len() != width * height * output.num_components() {
+        let detail = "the decoder returned another number of pixels".into();
+        return Err(ImageError::Corrupt {
+            format: "JPEG",
+            detail,
+        });
+    }
+    Ok(match output {
+        ColorSpace::Luma => Pixels::from_gray(width, height, pixels),
+        ColorSpace::YCbCr => Pixels::from_ycbcr(width, height, pixels, colour),
+        _ if colour => Pixels::from_rgb(width, height, pixels),
+        _ => Pixels::from_rgb(width, height, pixels).without_colour(),
+    })
+}
+
+/// What the markers of a JPEG file say.
+#[derive(Default)]
+struct JpegMarkers {
+    /// They lead to an end-of-image marker. Decoders fill what is missing with gray.
+    reaches_end: bool,
+    /// Sequential, not progressive.
+    sequential: bool,
+    /// Horizontal (high four bits) and vertical (low four bits) sampling factor of each component.
+    sampling: Vec<u8>,
+}
+
+impl JpegMarkers {
+    /// The decoder's gray output is its Y plane to the bit. It is not for progressive 4:4:0, whose rows it mixes up.
+    fn plain_luma(&self) -> bool {
+        self.sequential && matches!(self.sampling[..], [0x11 | 0x21 | 0x22, 0x11, 0x11])
+    }
+
+    /// The decoder's pixels are right: full or one of the usual chroma resolutions. It garbles 4:1:0 and the like.
+    fn known_sampling(&self) -> bool {
+        match self.sampling[..] {
+            [_] => true,
+            [0x11 | 0x21 | 0x12 | 0x22 | 0x41, 0x11, 0x11] => true,
+            [first @ (0x11 | 0x21 | 0x12 | 0x22), 0x11, 0x11, black] => first == black,
+            _ => false,
+        }
+    }
+}
+
+fn walk_jpeg(bytes: &[u8]) -> JpegMarkers {
+    let mut found = JpegMarkers::default();
+    let mut at = 0;
+    while let Some(step) = bytes
+        .get(at..)
+        .and_then(|rest| rest.iter().position(|&b| b == 0xff))
+    {
+        at += step;
+        match bytes.get(at + 1) {
+            None => break,
+            Some(0xd9) => {
+                found.reaches_end = true;
+                break;
+            }
+            Some(0xff) => at += 1,                      // fill byte
+            Some(0x00 | 0x01 | 0xd0..=0xd8) => at += 2, // stuffed byte or a marker without a segment
+            Some(marker) => {
+                let Some(&[high, low]) = bytes.get(at + 2..at + 4) else {
+                    break;
+                };
+                let length = usize::from(u16::from_be_bytes([high, low]));
+                let start_of_frame = matches!(marker, 0xc0..=0xcf) && !matches!(marker, 0xc4 | 0xc8 | 0xcc);
+                if let (true, Some([_, _, _, _, _, _, components @ ..])) =
+                    (start_of_frame, bytes.get(at + 4..at + 2 + length))
+                {
+                    found.sequential = *marker <= 0xc1;
+                    found.sampling = components.chunks_exact(3).map(|component| component[1]).collect();
+                }
+                at += 2 + length;
+            }
+        }
+    }
+    found
+}
+
+fn jpeg_error(bytes: &[u8], error: DecodeErrors) -> ImageError {
+    let format = "JPEG";
+    match error {
+        _ if !walk_jpeg(bytes).reaches_end => ImageError::Truncated { format },
+        DecodeErrors::ExhaustedData | DecodeErrors::IoErrors(_) => ImageError::Truncated { format },
+        DecodeErrors::Unsupported(scheme) => ImageError::Unsupported {
+            format,
+            detail: format!("{scheme:?}"),
+        },
+        other => ImageError::Corrupt {
+            format,
+            detail: one_line(&other.to_string()),
+        },
+    }
+}
+
+// Everything else -----------------------------------------------------------------------------------------------------
+
+fn other_decoder<'a>(bytes: &'a [u8], format: ImageFormat) -> Result<impl ImageDecoder + 'a, ImageError> {
+    let reader = ImageReader::with_format(Cursor::new(bytes), format);
+    let decoder = reader.into_decoder().map_err(|e| other_error(format, e))?;
+    let (width, height) = decoder.dimensions();
+    check_size(width.into(), height.into())?;
+    Ok(decoder)
+}
+
+fn decode_other(bytes: &[u8], format: ImageFormat, colour: bool) -> Result<Pixels, ImageError> {
+    let decoder = other_decoder(bytes, format)?;
+    let image = DynamicImage::from_decoder(decoder).map_err(|e| other_error(format, e))?;
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    if width == 0 || height == 0 {
+        return Err(ImageError::Corrupt {
+            format: name_of(format),
+            detail: "it has no pixels".into(),
+        });
+    }
+    Ok(if !image.color().has_color() {
+        Pixels::from_gray(width, height, image.into_luma8().into_raw())
+    } else {
+        let decoded = Pixels::from_rgb(width, height, image.into_rgb8().into_raw());
+        if colour { decoded } else { decoded.without_colour() }
+    })
+}
+
+fn other_error(format: ImageFormat, error: image::ImageError) -> ImageError {
+    use image::ImageError as E;
+    let format = name_of(format);
+    match error {
+        E::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => ImageError::Truncated { format },
+        E::Unsupported(e) => ImageError::Unsupported {
+            format,
+            detail: one_line(&e.to_string()),
+        },
+        other => ImageError::Corrupt {
+            format,
+            detail: one_line(&other.to_string()),
+        },
+    }
+}
+
+fn name_of(format: ImageFormat) -> &'static str {
+    match format {
+        ImageFormat::Jpeg => "JPEG",
+        ImageFormat::Png => "PNG",
+        ImageFormat::Pnm => "PNM",
+        ImageFormat::Bmp => "BMP",
+        ImageFormat::Tiff => "TIFF",
+        ImageFormat::Gif => "GIF",
+        _ => "unknown",
+    }
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use rand::{RngExt, SeedableRng};
+
+    fn fixture(name: &str) -> Vec<u8> {
+        std::fs::read(format!("{}/tests/data/{name}.jpg", env!("CARGO_MANIFEST_DIR"))).unwrap()
+    }
+
+    fn encode(image: &DynamicImage, format: ImageFormat) -> Vec<u8> {
+        let mut out = Cursor::new(Vec::new());
+        image.write_to(&mut out, format).unwrap();
+        out.into_inner()
+    }
+
+    fn colourful(width: u32, height: u32) -> DynamicImage {
+        image::RgbImage::from_fn(width, height, |x, y| {
+            image::Rgb([(x * 7 + y * 3) as u8, (x * x / 3 + y) as u8, (255 - x * 2) as u8])
+        })
+        .into()
+    }
+
+    #[test]
+    fn jpeg_gray_is_its_luma_with_and_without_colour() {
+        let luma = decode(&fixture("ycc_444"), false).unwrap();
+        assert_eq!((luma.width(), luma.height()), (37, 29));
+        for name in [
+            "444",
+            "422",
+            "440",
+            "420",
+            "411",
+            "440_prog",
+            "420_rst",
+            "420_prog_rst",
+        ]
+        .map(|s| format!("ycc_{s}"))
+        {
+            let bytes = fixture(&name);
+            let (gray, colour) = (decode(&bytes, false).unwrap(), decode(&bytes, true).unwrap());
+            assert_eq!(gray, luma, "{name}");
+            assert_eq!(colour.gray(), luma.gray(), "{name}");
+            let rgb = colour.rgb().unwrap();
+            let again = Pixels::from_rgb(37, 29, rgb.to_vec());
+            let off: u32 = again
+                .gray()
+                .iter()
+                .zip(luma.gray())
+                .map(|(a, b)| u32::from(a.abs_diff(*b)))
+                .sum();
+            assert!(
+                off < 4 * rgb.len() as u32,
+                "{name}: gray of the colours is far from luma: {off}"
+            );
+        }
+    }
+
+    #[test]
+    fn jpegs_without_luma_go_through_rgb() {
+        for name in ["rgb", "cmyk", "ycck"] {
+            let (gray, colour) = (
+                decode(&fixture(name), false).unwrap(),
+                decode(&fixture(name), true).unwrap(),
+            );
+            assert_eq!(gray.gray(), colour.gray(), "{name}");
+            assert_eq!(
+                colour,
+                Pixels::from_rgb(37, 29, colour.rgb().unwrap().to_vec()),
+                "{name}"
+            );
+        }
+        assert!(decode(&fixture("gray"), true).unwrap().rgb().is_none());
+    }
+
+    #[test]
+    fn unusual_chroma_is_refused() {
+        let error = decode(&fixture("ycc_410"), false).unwrap_err();
+        assert!(
+            matches!(error, ImageError::Unsupported { format: "JPEG", .. }),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn other_formats_keep_their_pixels() {
+        let image = colourful(37, 29);
+        let expected = Pixels::from_rgb(37, 29, image.to_rgb8().into_raw());
+        for format in [
+            ImageFormat::Png,
+            ImageFormat::Pnm,
+            ImageFormat::Bmp,
+            ImageFormat::Tiff,
+        ] {
+            let bytes = encode(&image, format);
+            assert_eq!(decode(&bytes, true).unwrap(), expected, "{format:?}");
+            assert_eq!(
+                decode(&bytes, false).unwrap(),
+                expected.clone().without_colour(),
+                "{format:?}"
+            );
+            assert_eq!(dimensions(&bytes).unwrap(), (37, 29));
+            let gray = DynamicImage::from(image.to_luma8());
+            assert_eq!(
+                decode(&encode(&gray, format), true).unwrap().gray(),
+                gray.as_bytes(),
+                "{format:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn sixteen_bits_are_scaled_to_eight() {
+        let deep = image::ImageBuffer::from_fn(4, 1, |x, _| {
+            image::Luma([[0u16, 257, 32_896, 65_535][x as usize]])
+        });
+        let decoded = decode(&encode(&deep.into(), ImageFormat::Png), false).unwrap();
+        assert_eq!(decoded.gray(), [0, 1, 128, 255]);
+        let text = b"P1\n3 1\n1 0 1\n";
+        assert_eq!(decode(text, false).unwrap().gray(), [0, 255, 0]);
+    }
+
+    #[test]
+    fn every_truncation_is_an_error() {
+        let image = colourful(37, 29);
+        let mut files: Vec<Vec<u8>> = ["ycc_420", "ycc_440_prog", "gray", "ycc_420_rst"]
+            .iter()
+            .map(|n| fixture(n))
+            .collect();
+        files.extend([ImageFormat::Png, ImageFormat::Pnm, ImageFormat::Tiff].map(|f| encode(&image, f)));
+        for bytes in files {
+            // The last bytes of a PNG are its end chunk, which decoders need not read.
+            let last = if bytes.starts_with(b"\x89PNG") {
+                bytes.len() - 16
+            } else {
+                bytes.len() - 1
+            };
+            for n in 0..=last {
+                for colour in [false, true] {
+                    assert!(
+                        decode(&bytes[..n], colour).is_err(),
+                        "{n} of {} bytes",
+                        bytes.len()
+                    );
+                }
+            }
+        }
+        let half = &fixture("ycc_420")[..600];
+        assert!(matches!(
+            decode(half, false),
+            Err(ImageError::Truncated { format: "JPEG" })
+        ));
+        assert!(matches!(decode(&[], false), Err(ImageError::Empty)));
+        assert!(matches!(
+            decode(b"no image at all", false),
+            Err(ImageError::UnknownFormat)
+        ));
+    }
+
+    #[test]
+    fn huge_claims_are_refused_before_any_allocation() {
+        let mut jpeg = fixture("ycc_420");
+        let sof = jpeg.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
+        jpeg[sof + 5..sof + 9].copy_from_slice(&[0xea, 0x60, 0xea, 0x60]);
+        let mut png = encode(&colourful(8, 8), ImageFormat::Png);
+        png[16..24].copy_from_slice(&[0, 0, 0xea, 0x60, 0, 0, 0xea, 0x60]);
+        let mut crc = u32::MAX;
+        for &b in &png[12..29] {
+            crc ^= u32::from(b);
+            (0..8).for_each(|_| crc = (crc >> 1) ^ if crc & 1 == 1 { 0xedb8_8320 } else { 0 });
+        }
+        png[29..33].copy_from_slice(&(!crc).to_be_bytes());
+        for bytes in [&jpeg[..], &png[..], b"P5 60000 60000 255\n0000"] {
+            for error in [decode(bytes, true).unwrap_err(), dimensions(bytes).unwrap_err()] {
+                assert!(
+                    matches!(
+                        error,
+                        ImageError::TooLarge {
+                            width: 60_000,
+                            height: 60_000
+                        }
+                    ),
+                    "{error}"
+                );
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn corrupt_bytes_never_panic(
+            which in 0usize..9, hits in 1usize..20, seed: u64, colour: bool
+        ) {
+            let formats = [ImageFormat::Png, ImageFormat::Bmp, ImageFormat::Tiff, ImageFormat::Gif];
+            let names = ["ycc_420", "ycc_440_prog", "cmyk", "ycck", "ycc_420_prog_rst"];
+            let mut bytes =
+                if which < 4 { encode(&colourful(19, 11), formats[which]) } else { fixture(names[which - 4]) };
+            let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);
+            for _ in 0..hits {
+                let at = rng.random_range(0..bytes.len());
+                bytes[at] = rng.random_range(0..=255);
+            }
+            if let Ok(decoded) = decode(&bytes, colour) {
+                prop_assert_eq!(decoded.gray().len(), decoded.width() * decoded.height());
+            }
+        }
+    }
+}

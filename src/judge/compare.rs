@@ -1,0 +1,616 @@
+//! Two run directories side by side: first what is equal to the last digit, by key (tracker, data set, sequence, start,
+//! protocol); then, for the trackers that changed, whether the change is more than chance (see [`crate::judge::stats`]).
+
+use crate::judge::stats::{Pair, benjamini_hochberg, difference};
+use crate::metric::aggregate::{Average, Results, SequenceRow};
+use crate::metric::score::Score;
+use crate::report::{OutputError, Thresholds, read_with_thresholds};
+use rayon::prelude::*;
+use serde::Serialize;
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// Sequences below which intervals say little.
+pub const FEW_SEQUENCES: usize = 10;
+
+/// Figures that are means over frames, which is what pooling over sequences needs.
+pub const FIGURES: [&str; 11] = [
+    "auc",
+    "sr_1",
+    "sr_2",
+    "sr_5",
+    "sr_10",
+    "sr_20",
+    "sr_area",
+    "al_mean",
+    "mcd_mean",
+    "cl_mean",
+    "jaccard_mean",
+];
+
+/// Whether larger values of a figure are better.
+fn larger_is_better(figure: &str) -> bool {
+    figure.starts_with("sr_") || figure == "auc"
+}
+
+/// Checks the name of a figure; for use as a command line value parser.
+///
+/// # Errors
+/// A message with what there is.
+pub fn parse_figure(name: &str) -> Result<String, String> {
+    let name = name.to_ascii_lowercase();
+    if FIGURES.contains(&name.as_str()) {
+        return Ok(name);
+    }
+    let why = if Score::COLUMNS.contains(&name.as_str()) {
+        format!("{name} is no mean over frames, so sequences cannot be pooled")
+    } else {
+        format!("no figure '{name}'")
+    };
+    Err(format!("{why}; one of {}", FIGURES.join(", ")))
+}
+
+/// A finished run, read back.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// Its directory, as given.
+    pub name: String,
+    results: Results,
+    thresholds: Thresholds,
+    description: Value,
+}
+
+impl Run {
+    /// Reads a run directory.
+    ///
+    /// # Errors
+    /// `summary.json` or `run.json` is missing or damaged.
+    pub fn read(dir: &Path) -> Result<Run, OutputError> {
+        let (results, thresholds) = read_with_thresholds(dir)?;
+        let path = dir.join("run.json");
+        let text = std::fs::read(&path).map_err(|source| OutputError::Io {
+            path: path.clone(),
+            source,
+        })?;
+        let description = serde_json::from_slice(&text).map_err(|e| OutputError::Format {
+            path,
+            reason: e.to_string(),
+        })?;
+        Ok(Run {
+            name: dir.display().to_string(),
+            results,
+            thresholds,
+            description,
+        })
+    }
+
+    /// Fingerprint of the data of each sequence, by `dataset/sequence`.
+    fn fingerprints(&self) -> BTreeMap<String, &str> {
+        let list = self.description["sequences"].as_array();
+        let entry = |s: &'_ Value| Some(format!("{}/{}", s["dataset"].as_str()?, s["sequence"].as_str()?));
+        list.into_iter()
+            .flatten()
+            .filter_map(|s| Some((entry(s)?, s["fingerprint"].as_str()?)))
+            .collect()
+    }
+
+    /// Parameters of each tracker, by id.
+    fn parameters(&self) -> BTreeMap<&str, &Value> {
+        let list = self.description["trackers"].as_array();
+        list.into_iter()
+            .flatten()
+            .filter_map(|t| Some((t["id"].as_str()?, &t["parameters"])))
+            .collect()
+    }
+
+    /// Rows of each tracker under each protocol.
+    fn trackers(&self) -> BTreeMap<(&str, &str), Vec<&SequenceRow>> {
+        let mut trackers: BTreeMap<(&str, &str), Vec<&SequenceRow>> = BTreeMap::new();
+        for row in &self.results.sequences {
+            let key = (row.tracker.id.as_str(), row.protocol.as_str());
+            trackers.entry(key).or_default().push(row);
+        }
+        trackers
+    }
+}
+
+/// Why two runs are not compared.
+#[derive(Debug, thiserror::Error)]
+pub enum CompareError {
+    /// They measure different things.
+    #[error("not comparable: {}", .0.join("; "))]
+    NotComparable(Vec<String>),
+    /// The tracker to compare with was not run.
+    #[error("{run} has no tracker '{tracker}'{}", .suggestion.as_ref().map_or(String::new(), |s| format!("; did you mean '{s}'?")))]
+    NoReference {
+        /// The run that should have it.
+        run: String,
+        /// The tracker.
+        tracker: String,
+        /// A tracker of the run with a similar id.
+        suggestion: Option<String>,
+    },
+}
+
+/// What to look at, and how strictly.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Figures, of [`FIGURES`].
+    pub figures: Vec<String>,
+    /// Over frames or over sequences.
+    pub average: Average,
+    /// Share of false ones among the changes called significant.
+    pub fdr: f64,
+    /// Bootstrap samples of an interval.
+    pub resamples: usize,
+    /// Seed of the bootstrap.
+    pub seed: u64,
+    /// Compare every tracker with this one of the first run, rather than with itself.
+    pub reference: Option<String>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            figures: ["auc", "sr_5", "al_mean"].map(str::to_owned).to_vec(),
+            average: Average::Pooled,
+            fdr: 0.05,
+            resamples: 10_000,
+            seed: 0,
+            reference: None,
+        }
+    }
+}
+
+/// What is said of a figure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// The second is better, beyond chance.
+    Better,
+    /// The second is worse, beyond chance.
+    Worse,
+    /// The interval spans 0, or a change this large is to be expected among so many trackers.
+    #[serde(rename = "~")]
+    Unclear,
+}
+
+impl Verdict {
+    /// `better`, `worse` or `~`.
+    pub fn word(self) -> &'static str {
+        match self {
+            Verdict::Better => "better",
+            Verdict::Worse => "worse",
+            Verdict::Unclear => "~",
+        }
+    }
+}
+
+/// One figure of a tracker that changed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FigureChange {
+    /// Which.
+    pub figure: String,
+    /// Its value in the first run, over what both have.
+    pub a: f64,
+    /// Its value in the second.
+    pub b: f64,
+    /// Ends of the 95 % interval of `b - a`; NaN with fewer than two sequences.
+    pub interval: [f64; 2],
+    /// Probability of a difference at least as large by chance.
+    pub p: f64,
+    /// `p` adjusted for the number of changed trackers and of figures.
+    pub q: f64,
+    /// What to make of it.
+    pub verdict: Verdict,
+}
+
+/// A tracker whose results differ.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TrackerChange {
+    /// Its id in the second run.
+    pub tracker: String,
+    /// The protocol.
+    pub protocol: String,
+    /// Units that both runs have.
+    pub units: usize,
+    /// Of those, units with other figures.
+    pub units_changed: usize,
+    /// Sequences of those units, which are what is drawn from.
+    pub sequences: usize,
+    /// Of those, sequences with other figures.
+    pub sequences_changed: usize,
+    /// Units that failed to run in the first and in the second run.
+    pub failed: [usize; 2],
+    /// The figures asked for.
+    pub figures: Vec<FigureChange>,
+}
+
+/// Two runs, or a run and a tracker of another.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Comparison {
+    /// The first run.
+    pub a: String,
+    /// The second run.
+    pub b: String,
+    /// The tracker that all are compared with, if one was named.
+    pub reference: Option<String>,
+    /// Trackers compared.
+    pub trackers: usize,
+    /// Units compared.
+    pub units: usize,
+    /// Of those, units equal in every figure.
+    pub identical: usize,
+    /// The trackers that differ: significant changes first, then by the size of the first figure's change.
+    pub changed: Vec<TrackerChange>,
+    /// Trackers of the first run alone.
+    pub only_a: Vec<String>,
+    /// Trackers of the second run alone.
+    pub only_b: Vec<String>,
+    /// Units of compared trackers that only the first run has.
+    pub units_only_a: usize,
+    /// Units of compared trackers that only the second run has.
+    pub units_only_b: usize,
+    /// Settings that differ: what may explain the changes.
+    pub settings: Vec<String>,
+    /// What to keep in mind.
+    pub warnings: Vec<String>,
+}
+
+type Key<'a> = (&'a str, &'a str, usize, &'a str);
+
+fn key(row: &SequenceRow) -> Key<'_> {
+    (&row.dataset, &row.sequence, row.start, &row.protocol)
+}
+
+/// Equal in every figure; undefined figures are equal to each other.
+fn same(a: &SequenceRow, b: &SequenceRow) -> bool {
+    let bits = |row: &SequenceRow| row.score.values().map(f64::to_bits);
+    a.status == b.status && bits(a) == bits(b)
+}
+
+/// Compares `b` with `a`.
+///
+/// # Errors
+/// [`CompareError`]: other protocol, data, thresholds; nothing in common.
+pub fn compare(a: &Run, b: &Run, options: &Options) -> Result<Comparison, CompareError> {
+    let (of_a, of_b) = (a.trackers(), b.trackers());
+    let ids = |of: &BTreeMap<(&'_ str, &str), _>| -> BTreeSet<String> {
+        of.keys().map(|(id, _)| (*id).to_owned()).collect()
+    };
+    let (ids_a, ids_b) = (ids(&of_a), ids(&of_b));
+    if let Some(id) = options.reference.as_ref().filter(|id| !ids_a.contains(*id)) {
+        return Err(CompareError::NoReference {
+            run: a.name.clone(),
+            tracker: id.clone(),
+            suggestion: mtf::registry::suggest(id, ids_a.iter().map(String::as_str)),
+        });
+    }
+    // What a tracker is compared with: itself, or the reference.
+    fn partner<'a>(options: &'a Options, id: &'a str) -> &'a str {
+        options.reference.as_deref().unwrap_or(id)
+    }
+    // The reference itself is left out where it would meet itself.
+    let itself = |id: &str| options.reference.as_deref() == Some(id) && a.name == b.name;
+    let partners: Vec<(&str, &Vec<&SequenceRow>, &Vec<&SequenceRow>)> = of_b
+        .iter()
+        .filter(|((id, _), _)| !itself(id))
+        .filter_map(|((id, protocol), rows)| Some((*id, of_a.get(&(partner(options, id), *protocol))?, rows)))
+        .collect();
+    let compared = |id: &String| !itself(id) && ids_a.contains(partner(options, id));
+    let obstacles = obstacles(a, b, !ids_b.iter().any(compared));
+    if !obstacles.is_empty() {
+        return Err(CompareError::NotComparable(obstacles));
+    }
+    let mut result = Comparison {
+        a: a.name.clone(),
+        b: b.name.clone(),
+        reference: options.reference.clone(),
+        trackers: partners.iter().map(|(id, ..)| id).collect::<BTreeSet<_>>().len(),
+        settings: settings(a, b, options.reference.is_some()),
+        ..Comparison::default()
+    };
+    let compared: Vec<(Matched, Option<TrackerChange>)> = partners
+        .par_iter()
+        .map(|(id, a, b)| {
+            let matched = Matched::new(a, b);
+            let change = matched.change(id, options);
+            (matched, change)
+        })
+        .collect();
+    for (matched, change) in compared {
+        result.units += matched.pairs.len();
+        result.identical += matched.pairs.iter().filter(|(a, b)| same(a, b)).count();
+        result.units_only_a += matched.only_a;
+        result.units_only_b += matched.only_b;
+        result.changed.extend(change);
+    }
+    if result.units == 0 {
+        let nothing = "no sequence that both runs tracked with the same trackers".to_owned();
+        return Err(CompareError::NotComparable(vec![nothing]));
+    }
+    if options.reference.is_none() {
+        let only = |these: &BTreeSet<String>, those: &BTreeSet<String>| {
+            let lacking = these.difference(those).cloned();
+            lacking.collect()
+        };
+        (result.only_a, result.only_b) = (only(&ids_a, &ids_b), only(&ids_b, &ids_a));
+        // Trackers that both have, under protocols that one has.
+        type Rows<'a> = BTreeMap<(&'a str, &'a str), Vec<&'a SequenceRow>>;
+        let alone = |these: &Rows<'_>, those: &Rows<'_>, ids: &BTreeSet<String>| -> usize {
+            let lacking = these.iter();
+            let lacking = lacking.filter(|(key, _)| ids.contains(key.0) && !those.contains_key(*key));
+            lacking.map(|(_, rows)| rows.len()).sum()
+        };
+        result.units_only_a += alone(&of_a, &of_b, &ids_b);
+        result.units_only_b += alone(&of_b, &of_a, &ids_a);
+    }
+    judge(&mut result.changed, options.fdr);
+    result.warnings = warnings(&result, options);
+    Ok(result)
+}
+
+/// Units of a tracker that both runs have.
+struct Matched<'a> {
+    pairs: Vec<(&'a SequenceRow, &'a SequenceRow)>,
+    only_a: usize,
+    only_b: usize,
+}
+
+impl<'a> Matched<'a> {
+    fn new(a: &[&'a SequenceRow], b: &[&'a SequenceRow]) -> Matched<'a> {
+        let of_b: BTreeMap<Key, &SequenceRow> = b.iter().map(|row| (key(row), *row)).collect();
+        let of_a: BTreeMap<Key, &SequenceRow> = a.iter().map(|row| (key(row), *row)).collect();
+        let pairs: Vec<_> = of_a
+            .iter()
+            .filter_map(|(key, a)| Some((*a, *of_b.get(key)?)))
+            .collect();
+        Matched {
+            only_a: of_a.len() - pairs.len(),
+            only_b: of_b.len() - pairs.len(),
+            pairs,
+        }
+    }
+
+    /// The tracker's change, q values and verdicts still to come; `None` when nothing changed.
+    fn change(&self, id: &str, options: &Options) -> Option<TrackerChange> {
+        let units_changed = self.pairs.iter().filter(|(a, b)| !same(a, b)).count();
+        if units_changed == 0 {
+            return None;
+        }
+        let sequence = |row: &SequenceRow| (row.dataset.clone(), row.sequence.clone());
+        // Keys are sorted by data set and sequence, so the start frames of a sequence are neighbours.
+        let sequences: Vec<_> = self
+            .pairs
+            .chunk_by(|a, b| sequence(a.0) == sequence(b.0))
+            .collect();
+        let figures = options.figures.iter().filter_map(|figure| {
+            let pairs: Vec<Pair> = sequences
+                .iter()
+                .filter_map(|units| pair(units, figure, options.average))
+                .collect();
+            let found = difference(&pairs, options.resamples, options.seed)?;
+            let improved = (found.b > found.a) == larger_is_better(figure);
+            let verdict = match (found.excludes_zero(), improved) {
+                (false, _) => Verdict::Unclear,
+                (true, true) => Verdict::Better,
+                (true, false) => Verdict::Worse,
+            };
+            Some(FigureChange {
+                figure: figure.clone(),
+                a: found.a,
+                b: found.b,
+                interval: found.interval,
+                p: found.p,
+                q: found.p,
+                verdict,
+            })
+        });
+        let failed = |side: fn(&(&'a SequenceRow, &'a SequenceRow)) -> &'a SequenceRow| {
+            let failed = self.pairs.iter().filter(|pair| side(pair).status.is_failed());
+            failed.count()
+        };
+        Some(TrackerChange {
+            tracker: id.to_owned(),
+            protocol: self
+                .pairs
+                .first()
+                .map_or(String::new(), |(a, _)| a.protocol.clone()),
+            units: self.pairs.len(),
+            units_changed,
+            sequences: sequences.len(),
+            sequences_changed: sequences
+                .iter()
+                .filter(|units| units.iter().any(|(a, b)| !same(a, b)))
+                .count(),
+            failed: [failed(|p| p.0), failed(|p| p.1)],
+            figures: figures.collect(),
+        })
+    }
+}
+
+/// A sequence's figures over all its start frames; `None` without scored frames.
+fn pair(units: &[(&SequenceRow, &SequenceRow)], figure: &str, average: Average) -> Option<Pair> {
+    let (mut weight, mut a, mut b) = (0.0, 0.0, 0.0);
+    for (x, y) in units.iter().filter(|(x, _)| x.score.frames > 0) {
+        let frames = x.score.frames as f64;
+        weight += frames;
+        a += frames * x.score.get(figure)?;
+        b += frames * y.score.get(figure)?;
+    }
+    (weight > 0.0 && a.is_finite() && b.is_finite()).then(|| Pair {
+        weight: if average == Average::Pooled { weight } else { 1.0 },
+        a: a / weight,
+        b: b / weight,
+    })
+}
+
+/// Adjusts the p values over all trackers and figures together, settles the verdicts, and sorts.
+fn judge(changed: &mut [TrackerChange], fdr: f64) {
+    let mut figures: Vec<&mut FigureChange> = changed.iter_mut().flat_map(|c| &mut c.figures).collect();
+    let q = benjamini_hochberg(&figures.iter().map(|f| f.p).collect::<Vec<_>>());
+    for (figure, q) in figures.iter_mut().zip(q) {
+        figure.q = q;
+        if q > fdr {
+            figure.verdict = Verdict::Unclear;
+        }
+    }
+    let unclear = |c: &TrackerChange| c.figures.iter().all(|f| f.verdict == Verdict::Unclear);
+    let size = |c: &TrackerChange| c.figures.first().map_or(0.0, |f| (f.b - f.a).abs());
+    changed.sort_by(|x, y| unclear(x).cmp(&unclear(y)).then(size(y).total_cmp(&size(x))));
+}
+
+/// What makes figures of the two runs mean different things.
+fn obstacles(a: &Run, b: &Run, no_common_tracker: bool) -> Vec<String> {
+    const SHOWN: usize = 3;
+    let mut found = Vec::new();
+    let protocols = |run: &Run| -> BTreeSet<String> {
+        let rows = run.results.sequences.iter();
+        rows.map(|r| r.protocol.clone()).collect()
+    };
+    let (of_a, of_b) = (protocols(a), protocols(b));
+    if of_a.is_disjoint(&of_b) && !of_a.is_empty() && !of_b.is_empty() {
+        let list = |p: &BTreeSet<String>| p.iter().cloned().collect::<Vec<_>>().join(", ");
+        found.push(format!(
+            "protocol {} in {}, {} in {}",
+            list(&of_a),
+            a.name,
+            list(&of_b),
+            b.name
+        ));
+    }
+    if a.thresholds != b.thresholds {
+        found.push(format!(
+            "{} and {} have success rates at other thresholds",
+            a.name, b.name
+        ));
+    }
+    let (data_a, data_b) = (a.fingerprints(), b.fingerprints());
+    let common: Vec<_> = data_a
+        .iter()
+        .filter_map(|(sequence, x)| Some((sequence, x, data_b.get(sequence)?)))
+        .collect();
+    if common.is_empty() {
+        found.push("no sequence in common".to_owned());
+    }
+    let other: Vec<&String> = common
+        .iter()
+        .filter(|(_, x, y)| x != y)
+        .map(|(s, ..)| *s)
+        .collect();
+    if !other.is_empty() {
+        let shown: Vec<&str> = other.iter().take(SHOWN).map(|s| s.as_str()).collect();
+        let more = match other.len() - shown.len() {
+            0 => String::new(),
+            n => format!(" and {n} more"),
+        };
+        found.push(format!(
+            "other data or ground truth (fingerprint) in {}{more}",
+            shown.join(", ")
+        ));
+    }
+    if no_common_tracker {
+        found.push("no tracker in common (--reference TRACKER compares with one tracker)".to_owned());
+    }
+    found
+}
+
+/// Settings that differ between the runs.
+fn settings(a: &Run, b: &Run, other_trackers: bool) -> Vec<String> {
+    const SHOWN: usize = 5;
+    let plain = |v: &Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
+    let mut found = Vec::new();
+    let mut note = |name: &str, x: &Value, y: &Value| {
+        if x != y {
+            found.push(format!("{name}: {} -> {}", plain(x), plain(y)));
+        }
+    };
+    for name in ["version", "seed", "pre"] {
+        note(name, &a.description[name], &b.description[name]);
+    }
+    let revision = |run: &Run| run.description["host"]["revision"].clone();
+    note("revision", &revision(a), &revision(b));
+    if other_trackers {
+        return found;
+    }
+    let of_b = b.parameters();
+    let changed: Vec<String> = a
+        .parameters()
+        .into_iter()
+        .filter_map(|(id, x)| Some((id, x, *of_b.get(id)?)))
+        .filter(|(_, x, y)| x != y)
+        .map(|(id, x, y)| {
+            let mut differing = Vec::new();
+            leaves("", x, y, &mut differing);
+            format!("parameters of {id}: {}", differing.join(", "))
+        })
+        .collect();
+    let more = changed.len().saturating_sub(SHOWN);
+    found.extend(changed.into_iter().take(SHOWN));
+    if more > 0 {
+        found.push(format!("parameters of {more} more trackers"));
+    }
+    found
+}
+
+/// `path: x -> y` for each value that differs between two trees.
+fn leaves(path: &str, x: &Value, y: &Value, found: &mut Vec<String>) {
+    if x == y {
+        return;
+    }
+    let below = |name: &str| {
+        if path.is_empty() {
+            name.to_owned()
+        } else {
+            format!("{path}.{name}")
+        }
+    };
+    match (x, y) {
+        (Value::Object(of_x), Value::Object(of_y)) => {
+            let names: BTreeSet<&String> = of_x.keys().chain(of_y.keys()).collect();
+            for name in names {
+                leaves(&below(name), &x[name.as_str()], &y[name.as_str()], found);
+            }
+        }
+        (Value::Array(of_x), Value::Array(of_y)) if of_x.len() == of_y.len() => {
+            for (i, (x, y)) in of_x.iter().zip(of_y).enumerate() {
+                leaves(&below(&i.to_string()), x, y, found);
+            }
+        }
+        _ => found.push(format!("{path} {x} -> {y}")),
+    }
+}
+
+fn warnings(found: &Comparison, options: &Options) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let fewest = found.changed.iter().map(|c| c.sequences).min();
+    if let Some(n) = fewest.filter(|n| *n < FEW_SEQUENCES) {
+        let least = 2.0 / libm::exp2(n as f64);
+        let never = if least > options.fdr {
+            format!("; with {n} no p value is below {least}, so nothing can be significant")
+        } else {
+            String::new()
+        };
+        warnings.push(format!(
+            "only {n} sequence{}: intervals over fewer than {FEW_SEQUENCES} say little{never}",
+            if n == 1 { "" } else { "s" }
+        ));
+    }
+    let lacking = [(found.units_only_a, &found.a), (found.units_only_b, &found.b)];
+    for (units, run) in lacking.into_iter().filter(|(units, _)| *units > 0) {
+        warnings.push(format!(
+            "{units} runs of compared trackers are in {run} alone and do not count"
+        ));
+    }
+    let failed: usize = found.changed.iter().map(|c| c.failed[0] + c.failed[1]).sum();
+    if failed > 0 {
+        warnings.push(format!(
+            "{failed} runs failed in one of the two and count as lost in all frames"
+        ));
+    }
+    warnings
+}
+
+#[cfg(test)]
+mod tests;

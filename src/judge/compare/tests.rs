@@ -1,0 +1,328 @@
+use super::*;
+use crate::metric::aggregate::{TrackerName, UnitResult, UnitStatus, aggregate, example};
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, Normal};
+use rand_pcg::Pcg64;
+use serde_json::json;
+
+const TRACKERS: [&str; 3] = ["esm/ssd/affine", "iclk/ssd/affine", "nn/ssd/affine"];
+
+fn run_of(name: &str, results: Results) -> Run {
+    let sequences: BTreeSet<(String, String)> = results
+        .sequences
+        .iter()
+        .map(|r| (r.dataset.clone(), r.sequence.clone()))
+        .collect();
+    let sequences: Vec<Value> = sequences
+        .into_iter()
+        .map(|(d, s)| json!({"dataset": d, "sequence": s, "fingerprint": format!("of {s}")}))
+        .collect();
+    Run {
+        name: name.to_owned(),
+        results,
+        thresholds: Thresholds::default(),
+        description: json!({"version": "1", "seed": 0, "sequences": sequences, "trackers": []}),
+    }
+}
+
+/// Three trackers on twelve sequences; `shift` px of error on sequence `s` of tracker `t`.
+fn run(name: &str, shift: impl Fn(usize, usize) -> f64) -> Run {
+    let units: Vec<UnitResult> = (0..3)
+        .flat_map(|t| (0..12).map(move |s| (t, s)))
+        .map(|(t, s)| {
+            let shifts: Vec<Option<f64>> = (0..4).map(|f| Some(shift(t, s) + 0.1 * f as f64)).collect();
+            example::unit(TRACKERS[t], &format!("s{s:02}"), &shifts)
+        })
+        .collect();
+    run_of(name, aggregate(&units))
+}
+
+fn against(a: &Run, b: &Run) -> Result<Comparison, CompareError> {
+    compare(a, b, &Options::default())
+}
+
+#[test]
+fn equal_runs_are_equal() {
+    let found = against(&run("a", |t, s| (t + s) as f64), &run("b", |t, s| (t + s) as f64)).unwrap();
+    assert_eq!((found.trackers, found.units, found.identical), (3, 36, 36));
+    assert!(found.changed.is_empty() && found.warnings.is_empty() && found.settings.is_empty());
+}
+
+#[test]
+fn the_one_tracker_that_changed_is_found() {
+    let a = run("a", |_, s| 2.0 + s as f64);
+    let b = run("b", |t, s| {
+        2.0 + s as f64 - if t == 1 && s != 3 { 1.5 } else { 0.0 }
+    });
+    let found = against(&a, &b).unwrap();
+    assert_eq!((found.units, found.identical, found.changed.len()), (36, 25, 1));
+    let change = &found.changed[0];
+    assert_eq!(change.tracker, TRACKERS[1]);
+    assert_eq!(
+        (change.units, change.units_changed, change.sequences_changed),
+        (12, 11, 11)
+    );
+    let auc = &change.figures[0];
+    assert_eq!((auc.figure.as_str(), auc.verdict), ("auc", Verdict::Better));
+    assert!(auc.b > auc.a && auc.interval[0] > 0.0 && auc.p <= 2.0 / 2048.0);
+    let mean = &change.figures[2];
+    assert_eq!((mean.figure.as_str(), mean.verdict), ("al_mean", Verdict::Better));
+    assert!((mean.b - mean.a + 1.375).abs() < 1e-6, "{mean:?}");
+    // The other way round it is worse by as much.
+    let back = against(&b, &a).unwrap();
+    assert_eq!(back.changed[0].figures[0].verdict, Verdict::Worse);
+}
+
+#[test]
+fn a_change_on_one_sequence_says_nothing_about_others() {
+    let b = run("b", |t, s| if (t, s) == (2, 5) { 30.0 } else { 1.0 });
+    let found = against(&run("a", |_, _| 1.0), &b).unwrap();
+    assert_eq!((found.changed.len(), found.changed[0].units_changed), (1, 1));
+    assert!(
+        found.changed[0]
+            .figures
+            .iter()
+            .all(|f| f.verdict == Verdict::Unclear && f.p == 1.0)
+    );
+}
+
+#[test]
+fn start_frames_of_a_sequence_are_one_draw() {
+    let units = |shift: f64| -> Vec<UnitResult> {
+        (0..5)
+            .flat_map(|s| (0..10).map(move |k| (s, k)))
+            .map(|(s, k)| UnitResult {
+                start: k,
+                ..example::unit(TRACKERS[0], &format!("s{s}"), &[Some(shift)])
+            })
+            .collect()
+    };
+    let (a, b) = (
+        run_of("a", aggregate(&units(1.0))),
+        run_of("b", aggregate(&units(2.0))),
+    );
+    let found = against(&a, &b).unwrap();
+    assert_eq!((found.changed[0].units, found.changed[0].sequences), (50, 5));
+    assert_eq!(found.changed[0].figures[0].p, 2.0 / 32.0);
+    assert!(found.warnings[0].contains("only 5 sequences") && found.warnings[0].contains("0.0625"));
+}
+
+#[test]
+fn protocols_are_compared_apart() {
+    let run = |name: &str, shift: &dyn Fn(&str, usize) -> f64, protocols: &[&str]| {
+        let units = protocols.iter().flat_map(|p| (0..12).map(move |s| (*p, s)));
+        let units: Vec<UnitResult> = units
+            .map(|(protocol, s)| {
+                let mut unit = example::unit(
+                    TRACKERS[0],
+                    &format!("s{s:02}"),
+                    &[Some(shift(protocol, s)), Some(1.0)],
+                );
+                unit.protocol = protocol.to_owned();
+                unit
+            })
+            .collect();
+        run_of(name, aggregate(&units))
+    };
+    let both = ["ope", "subseq:3"];
+    let a = run("a", &|_, s| s as f64, &both);
+    let b = run("b", &|p, s| s as f64 + if p == "ope" { 0.0 } else { 1.0 }, &both);
+    let found = against(&a, &b).unwrap();
+    assert_eq!((found.trackers, found.units, found.identical), (1, 24, 12));
+    assert_eq!(found.changed.len(), 1);
+    let change = &found.changed[0];
+    assert_eq!(
+        (change.protocol.as_str(), change.units, change.sequences),
+        ("subseq:3", 12, 12)
+    );
+    // A protocol that one of them lacks.
+    let one = run("one", &|_, s| s as f64, &both[..1]);
+    let found = against(&one, &a).unwrap();
+    assert_eq!((found.units, found.units_only_a, found.units_only_b), (12, 0, 12));
+    assert!(
+        found.only_b.is_empty() && found.warnings[0].contains("12 runs"),
+        "{:?}",
+        found.warnings
+    );
+}
+
+#[test]
+fn what_does_not_compare_is_refused() {
+    let a = run("a", |_, _| 1.0);
+    let reasons = |b: &Run| match against(&a, b) {
+        Err(CompareError::NotComparable(reasons)) => reasons.join("; "),
+        other => panic!("{other:?}"),
+    };
+    let mut other = a.clone();
+    other.description["sequences"][4]["fingerprint"] = "changed".into();
+    assert!(reasons(&other).contains("fingerprint) in builtin/s04"));
+    other = a.clone();
+    for row in &mut other.results.sequences {
+        row.protocol = "reinit".to_owned();
+    }
+    assert!(reasons(&other).contains("protocol ope in a, reinit in a"));
+    other = a.clone();
+    other.thresholds.al[1] = 0.3;
+    assert!(reasons(&other).contains("other thresholds"));
+    other = a.clone();
+    other.description["sequences"] = json!([]);
+    assert!(reasons(&other).contains("no sequence in common"));
+    other = a.clone();
+    for row in &mut other.results.sequences {
+        row.tracker.id += "{max_iters=5}";
+    }
+    assert!(reasons(&other).contains("--reference"));
+}
+
+#[test]
+fn what_only_one_run_has_is_named() {
+    let a = run("a", |_, _| 1.0);
+    let mut b = a.clone();
+    b.results
+        .sequences
+        .retain(|r| r.tracker.id != TRACKERS[0] && r.sequence != "s07");
+    b.description["seed"] = 1.into();
+    b.description["trackers"] = json!([{"id": TRACKERS[1], "parameters": {"sm": {"max_iters": 50}}}]);
+    let mut a = a;
+    a.description["trackers"] = json!([{"id": TRACKERS[1], "parameters": {"sm": {"max_iters": 30}}}]);
+    let found = against(&a, &b).unwrap();
+    assert_eq!(found.only_a, [TRACKERS[0]]);
+    assert_eq!(
+        (found.units_only_a, found.units_only_b, found.identical),
+        (2, 0, 22)
+    );
+    assert_eq!(
+        found.settings,
+        [
+            "seed: 0 -> 1",
+            "parameters of iclk/ssd/affine: sm.max_iters 30 -> 50"
+        ]
+    );
+    assert!(found.warnings[0].contains("2 runs of compared trackers are in a alone"));
+}
+
+#[test]
+fn trackers_of_one_run_against_one_of_them() {
+    let a = run("a", |t, s| 1.0 + t as f64 + 0.2 * s as f64);
+    let options = |id: &str| Options {
+        reference: Some(id.to_owned()),
+        ..Options::default()
+    };
+    let found = compare(&a, &a, &options(TRACKERS[1])).unwrap();
+    let verdicts: BTreeMap<&str, Verdict> = found
+        .changed
+        .iter()
+        .map(|c| (c.tracker.as_str(), c.figures[0].verdict))
+        .collect();
+    assert_eq!(verdicts[TRACKERS[0]], Verdict::Better);
+    assert_eq!(verdicts[TRACKERS[2]], Verdict::Worse);
+    assert_eq!(found.trackers, 2);
+    let unknown = compare(&a, &a, &options("esm/ssd/affin"))
+        .unwrap_err()
+        .to_string();
+    assert!(unknown.contains("did you mean 'esm/ssd/affine'"), "{unknown}");
+}
+
+#[test]
+fn a_failed_run_is_a_change() {
+    let a = run("a", |_, _| 1.0);
+    let mut b = a.clone();
+    b.results.sequences[0].status = UnitStatus::Failed("panic".to_owned());
+    let found = against(&a, &b).unwrap();
+    assert_eq!(found.changed[0].failed, [0, 1]);
+    assert!(found.warnings.iter().any(|w| w.contains("1 runs failed")));
+}
+
+#[test]
+fn figures_by_name() {
+    assert_eq!(parse_figure("AUC").unwrap(), "auc");
+    assert!(
+        parse_figure("al_median")
+            .unwrap_err()
+            .contains("no mean over frames")
+    );
+    assert!(parse_figure("x").unwrap_err().contains("no figure 'x'"));
+}
+
+/// Scores of 12 stochastic trackers on 13 sequences as two seeds give them: a level of its own for each tracker and
+/// sequence, noise, and now and then a lost object. `gain` is added to every score of the first tracker.
+fn stochastic(level: &[Vec<f64>], rng: &mut Pcg64, gain: f64) -> Run {
+    let noise = Normal::new(0.0, 0.03).unwrap();
+    let mut results = Results::default();
+    for (t, levels) in level.iter().enumerate() {
+        for (s, level) in levels.iter().enumerate() {
+            let lost = if rng.random_bool(0.15) {
+                rng.random_range(0.2..1.0)
+            } else {
+                1.0
+            };
+            let gain = if t == 0 { gain } else { 0.0 };
+            let auc: f64 = (level * lost + noise.sample(rng) + gain).clamp(0.0, 1.0);
+            let score = Score {
+                frames: 60 + 5 * (s % 4),
+                auc,
+                sr_5: (auc + 0.5 * noise.sample(rng)).clamp(0.0, 1.0),
+                al_mean: 20.0 * (1.0 - auc),
+                ..Score::mean(&[])
+            };
+            results.sequences.push(SequenceRow {
+                tracker: TrackerName {
+                    id: format!("pf{t}"),
+                    ..TrackerName::default()
+                },
+                dataset: "d".to_owned(),
+                sequence: format!("s{s:02}"),
+                start: 0,
+                protocol: "ope".to_owned(),
+                status: UnitStatus::Ok,
+                score,
+            });
+        }
+    }
+    run_of("run", results)
+}
+
+#[test]
+fn two_seeds_of_one_tracker_seldom_differ_significantly() {
+    const PAIRS: usize = 200;
+    let mut rng = Pcg64::seed_from_u64(2);
+    let options = Options {
+        resamples: 500,
+        ..Options::default()
+    };
+    // Pairs with anything significant; significant figures; intervals that leave out 0 before any adjustment.
+    let (mut pairs, mut significant, mut intervals, mut figures, mut gains) = (0, 0, 0, 0, 0);
+    for _ in 0..PAIRS {
+        // Most trackers follow some sequences to the end every time; the first has room for a gain everywhere.
+        let top = |t: usize| if t == 0 { 0.7 } else { 1.1 };
+        let level: Vec<Vec<f64>> = (0..12)
+            .map(|t| (0..13).map(|_| rng.random_range(0.4..top(t))).collect())
+            .collect();
+        let a = stochastic(&level, &mut rng, 0.0);
+        let found = compare(&a, &stochastic(&level, &mut rng, 0.0), &options).unwrap();
+        assert_eq!(found.changed.len(), 12);
+        let all: Vec<&FigureChange> = found.changed.iter().flat_map(|c| &c.figures).collect();
+        let wrong = all.iter().filter(|f| f.verdict != Verdict::Unclear).count();
+        let apart = |f: &&&FigureChange| f.interval[0] > 0.0 || f.interval[1] < 0.0;
+        pairs += usize::from(wrong > 0);
+        significant += wrong;
+        intervals += all.iter().filter(apart).count();
+        figures += all.len();
+        let found = compare(&a, &stochastic(&level, &mut rng, 0.25), &options).unwrap();
+        let better = |c: &TrackerChange| c.tracker == "pf0" && c.figures[0].verdict == Verdict::Better;
+        gains += usize::from(found.changed.iter().any(better));
+    }
+    let share = |n: usize, of: usize| n as f64 / of as f64;
+    println!(
+        "{PAIRS} pairs of seeds, 12 trackers, 13 sequences, 3 figures, --fdr 0.05: something significant in {:.3} of the \
+         pairs, {:.4} of the figures significant, {:.3} of the intervals leave out 0; a true gain is found in {:.3}",
+        share(pairs, PAIRS),
+        share(significant, figures),
+        share(intervals, figures),
+        share(gains, PAIRS)
+    );
+    assert!(share(pairs, PAIRS) <= 0.05);
+    // A lost object is an outlier, which costs intervals over few sequences some of their coverage.
+    assert!(share(intervals, figures) <= 0.1);
+    assert!(share(gains, PAIRS) >= 0.8);
+}

@@ -1,0 +1,5 @@
+//! Measurements that are no runs: speed of trackers, basins of convergence, the machine. Depends on `plan` and `store`.
+
+pub mod basin;
+pub mod bench;
+pub mod machine;

@@ -1,0 +1,378 @@
+//! What a run consists of: trackers x courses x sequences x start frames, the identity of each unit and its random seed.
+//!
+//! A [`Plan`] is what `run.json` records: enough to know every unit of the run and its key without trackers or data.
+
+use crate::metric::aggregate::TrackerName;
+use crate::plan::protocol::{Protocol, Protocols};
+use crate::store::rundir::hex;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::{Map, Value, json};
+use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
+
+/// Version of the run directory's formats and of the protocol; part of every unit's key.
+pub const SCHEMA_VERSION: u32 = 1;
+
+/// Where the corners of each frame go.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FrameLogs {
+    /// A CSV file per unit.
+    #[default]
+    Csv,
+    /// A CSV file per unit, compressed (Zstandard).
+    Zst,
+    /// Nowhere: the journal keeps the errors, which is all that the aggregated files need.
+    None,
+}
+
+impl FrameLogs {
+    /// How the names of the files end.
+    pub fn extension(self) -> &'static str {
+        match self {
+            FrameLogs::Csv => "csv",
+            FrameLogs::Zst => "csv.zst",
+            FrameLogs::None => "",
+        }
+    }
+}
+
+/// Identity of a unit: 128 bits of a SHA-256 over everything that can change the result.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Key(pub [u8; 16]);
+
+impl std::fmt::Display for Key {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&hex(&self.0))
+    }
+}
+
+impl std::fmt::Debug for Key {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Key({self})")
+    }
+}
+
+impl Serialize for Key {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Key {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Key, D::Error> {
+        let text = std::borrow::Cow::<str>::deserialize(deserializer)?;
+        let digit = |at: usize| text.get(at..at + 2).and_then(|d| u8::from_str_radix(d, 16).ok());
+        let mut key = [0; 16];
+        for (k, byte) in key.iter_mut().enumerate() {
+            *byte = digit(2 * k).ok_or_else(|| serde::de::Error::custom("expected 32 hexadecimal digits"))?;
+        }
+        match text.len() {
+            32 => Ok(Key(key)),
+            _ => Err(serde::de::Error::custom("expected 32 hexadecimal digits")),
+        }
+    }
+}
+
+/// One tracker on one sequence from one start frame. Protocols of the same [course](Protocol::course) share units.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Unit {
+    /// Index into the plan's trackers.
+    pub tracker: u32,
+    /// Index into the plan's protocols: the first with the unit's course.
+    pub course: u32,
+    /// Index into the plan's sequences.
+    pub sequence: u32,
+    /// Frame on which the tracker is initialised.
+    pub start: u32,
+}
+
+/// A tracker of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlannedTracker {
+    /// Canonical id.
+    pub id: String,
+    /// Search method.
+    pub sm: String,
+    /// Appearance model.
+    pub am: String,
+    /// State space model.
+    pub ssm: String,
+    /// Illumination model.
+    pub ilm: String,
+    /// Name of the folder of its logs.
+    pub slug: String,
+    /// Every parameter with its value.
+    pub parameters: Value,
+}
+
+impl PlannedTracker {
+    /// Id and parts, as tables show them.
+    pub fn name(&self) -> TrackerName {
+        TrackerName {
+            id: self.id.clone(),
+            sm: self.sm.clone(),
+            am: self.am.clone(),
+            ssm: self.ssm.clone(),
+            ilm: self.ilm.clone(),
+        }
+    }
+}
+
+/// A sequence of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlannedSequence {
+    /// Data set.
+    pub dataset: String,
+    /// Name in the data set.
+    pub sequence: String,
+    /// Number of frames.
+    pub frames: usize,
+    /// Frames on which trackers start, ascending, for each protocol.
+    pub starts: Vec<Vec<u32>>,
+    /// Hash of ground truth, names and sizes of the frames.
+    pub fingerprint: String,
+}
+
+impl PlannedSequence {
+    /// `dataset/sequence`.
+    pub fn id(&self) -> String {
+        format!("{}/{}", self.dataset, self.sequence)
+    }
+}
+
+/// A run without the means to run it: every unit and what its result depends on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// Version of the formats.
+    pub schema_version: u32,
+    /// This program.
+    pub tool: String,
+    /// Its version.
+    pub version: String,
+    /// Protocols.
+    pub protocol: Protocols,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Filter applied to each frame.
+    pub pre: String,
+    /// Where the corners go.
+    pub frame_logs: FrameLogs,
+    /// What else is recorded about data and settings; says nothing about results that the rest does not.
+    #[serde(flatten)]
+    pub about: Map<String, Value>,
+    /// By id.
+    pub trackers: Vec<PlannedTracker>,
+    /// By data set and name.
+    pub sequences: Vec<PlannedSequence>,
+}
+
+impl Plan {
+    /// The units of one tracker (the first), in the order of [`units`](Self::units).
+    pub fn passes(&self) -> Vec<Unit> {
+        let mut passes = Vec::new();
+        for course in 0..self.protocol.len() {
+            for (sequence, planned) in (0u32..).zip(&self.sequences) {
+                let same = planned.starts.iter().enumerate();
+                let same = same.filter(|(k, _)| self.protocol.course(*k) == course);
+                let mut starts: Vec<u32> = same.flat_map(|(_, starts)| starts).copied().collect();
+                starts.sort_unstable();
+                starts.dedup();
+                passes.extend(starts.into_iter().map(|start| Unit {
+                    tracker: 0,
+                    course: course as u32,
+                    sequence,
+                    start,
+                }));
+            }
+        }
+        passes
+    }
+
+    /// Number of units.
+    pub fn len(&self) -> usize {
+        self.trackers.len() * self.passes().len()
+    }
+
+    /// No units.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Frames that all units go through together.
+    pub fn frames(&self) -> u64 {
+        let frames = self
+            .passes()
+            .iter()
+            .map(|unit| self.unit_frames(unit))
+            .sum::<u64>();
+        self.trackers.len() as u64 * frames
+    }
+
+    /// The units: by tracker id, course, data set, sequence, start.
+    pub fn units(&self) -> impl Iterator<Item = Unit> + use<> {
+        let passes = std::rc::Rc::new(self.passes());
+        (0..self.trackers.len() as u32).flat_map(move |tracker| {
+            let passes = std::rc::Rc::clone(&passes);
+            (0..passes.len()).map(move |k| Unit { tracker, ..passes[k] })
+        })
+    }
+
+    /// Whether the unit belongs to protocol number `index`.
+    pub fn belongs(&self, unit: &Unit, index: usize) -> bool {
+        let starts = &self.sequences[unit.sequence as usize].starts[index];
+        self.protocol.course(index) == unit.course as usize && starts.binary_search(&unit.start).is_ok()
+    }
+
+    /// What happens to the unit's tracker after its start.
+    pub fn course(&self, unit: &Unit) -> Protocol {
+        self.protocol[unit.course as usize].course()
+    }
+
+    /// Name of the unit's course, where it is not one pass to the end.
+    pub fn course_name(&self, unit: &Unit) -> Option<String> {
+        let course = self.course(unit);
+        (course != Protocol::Ope).then(|| course.to_string())
+    }
+
+    /// `tracker on dataset/sequence`, with the start frame unless it is the first and the course unless it is one pass.
+    pub fn describe(&self, unit: &Unit) -> String {
+        let start = match unit.start {
+            0 => String::new(),
+            start => format!("@{start}"),
+        };
+        let course = match self.course_name(unit) {
+            None => String::new(),
+            Some(name) => format!(" ({name})"),
+        };
+        let sequence = &self.sequences[unit.sequence as usize];
+        format!(
+            "{} on {}{start}{course}",
+            self.trackers[unit.tracker as usize].id,
+            sequence.id()
+        )
+    }
+
+    /// Frames that the unit goes through.
+    pub fn unit_frames(&self, unit: &Unit) -> u64 {
+        self.sequences[unit.sequence as usize].frames as u64 - u64::from(unit.start)
+    }
+
+    /// The first thing in which `other` asks for other results than `self`; the way of asking does not count.
+    pub fn difference(&self, other: &Plan) -> Option<String> {
+        let settings = |p: &Plan| -> [(&'static str, String); 6] {
+            [
+                ("schema version", p.schema_version.to_string()),
+                ("version", p.version.clone()),
+                ("protocol", p.protocol.to_string()),
+                ("seed", p.seed.to_string()),
+                ("filter", p.pre.clone()),
+                ("frame logs", p.frame_logs.extension().to_owned()),
+            ]
+        };
+        for ((what, a), (_, b)) in settings(self).into_iter().zip(settings(other)) {
+            if a != b {
+                return Some(format!("{what} {a} against {b}"));
+            }
+        }
+        fn by<'a, T: PartialEq + 'a>(
+            what: &str,
+            a: impl Iterator<Item = (String, &'a T)>,
+            b: impl Iterator<Item = (String, &'a T)>,
+        ) -> Option<String> {
+            let (a, b): (BTreeMap<_, _>, BTreeMap<_, _>) = (a.collect(), b.collect());
+            let alone = |a: &BTreeMap<String, &T>, b: &BTreeMap<String, &T>| {
+                a.keys()
+                    .find(|k| !b.contains_key(*k))
+                    .map(|k| format!("{what} {k} is in one only"))
+            };
+            let changed = || {
+                let (name, _) = a.iter().find(|(k, v)| b.get(*k) != Some(*v))?;
+                Some(format!("{what} {name} is not the same"))
+            };
+            alone(&a, &b).or_else(|| alone(&b, &a)).or_else(changed)
+        }
+        fn trackers(p: &Plan) -> impl Iterator<Item = (String, &PlannedTracker)> {
+            p.trackers.iter().map(|t| (t.id.clone(), t))
+        }
+        fn sequences(p: &Plan) -> impl Iterator<Item = (String, &PlannedSequence)> {
+            p.sequences.iter().map(|s| (s.id(), s))
+        }
+        by("tracker", trackers(self), trackers(other))
+            .or_else(|| by("sequence", sequences(self), sequences(other)))
+    }
+}
+
+/// Makes the keys of a plan's units.
+#[derive(Clone, Debug)]
+pub struct Keys {
+    run: [u8; 32],
+    trackers: Vec<[u8; 32]>,
+    sequences: Vec<[u8; 32]>,
+    courses: Vec<String>,
+}
+
+impl Keys {
+    /// For the units of `plan`.
+    pub fn new(plan: &Plan) -> Keys {
+        let hash = |value: Value| -> [u8; 32] { Sha256::digest(value.to_string()).into() };
+        let tracker = |t: &PlannedTracker| hash(json!({"id": t.id, "parameters": t.parameters}));
+        // One pass to the end has no name of its own: its units are as old as the program.
+        let course = |p: &Protocol| match p.course() {
+            Protocol::Ope => String::new(),
+            other => other.to_string(),
+        };
+        let sequence = |s: &PlannedSequence| {
+            hash(json!({
+                "dataset": s.dataset,
+                "sequence": s.sequence,
+                "fingerprint": s.fingerprint,
+                "frames": s.frames,
+            }))
+        };
+        Keys {
+            run: hash(json!({
+                "schema": plan.schema_version,
+                "crate": plan.version,
+                "pre": plan.pre,
+                "seed": plan.seed,
+            })),
+            trackers: plan.trackers.iter().map(tracker).collect(),
+            sequences: plan.sequences.iter().map(sequence).collect(),
+            courses: plan.protocol.iter().map(course).collect(),
+        }
+    }
+
+    /// The key of one.
+    pub fn of(&self, unit: &Unit) -> Key {
+        let mut hash = Sha256::new();
+        hash.update(self.run);
+        hash.update(self.trackers[unit.tracker as usize]);
+        hash.update(self.sequences[unit.sequence as usize]);
+        hash.update(unit.start.to_le_bytes());
+        hash.update(&self.courses[unit.course as usize]);
+        let bytes = hash.finalize();
+        Key(std::array::from_fn(|i| bytes[i]))
+    }
+}
+
+impl Plan {
+    /// Seed of a unit's tracker when it starts on frame `start`: depends on what is run, never on when, where, beside what,
+    /// or on what the tracker did before.
+    pub fn seed_at(&self, unit: &Unit, start: u32) -> u64 {
+        let sequence = &self.sequences[unit.sequence as usize];
+        let mut hash = Sha256::new();
+        hash.update(self.seed.to_le_bytes());
+        for text in [
+            &self.trackers[unit.tracker as usize].id,
+            &sequence.dataset,
+            &sequence.sequence,
+        ] {
+            hash.update((text.len() as u64).to_le_bytes());
+            hash.update(text.as_bytes());
+        }
+        hash.update(u64::from(start).to_le_bytes());
+        let bytes = hash.finalize();
+        u64::from_le_bytes(std::array::from_fn(|i| bytes[i]))
+    }
+}

@@ -1,0 +1,229 @@
+//! From a run directory's journal and frame logs to its result files.
+//!
+//! The result files are always made from what is on disk, never from memory, so that a run that was interrupted any
+//! number of times, or done in shards, ends with the same bytes as one that was not.
+
+use crate::measure::machine::cpu_name;
+use crate::metric::aggregate::{Results, UnitResult, UnitStatus, aggregate_tracker};
+use crate::metric::error::FrameError;
+use crate::plan::plan::{FrameLogs, Key, Keys, Plan, Unit};
+use crate::report::{self, Meta};
+use crate::store::Durable;
+use crate::store::framelog::{parse_log, score_log, unpack_log};
+use crate::store::journal::{Entry, EntryStatus, Journal, UnitTime};
+use crate::store::rundir::{RunDir, RunError, digest, host_name};
+use crate::store::truth::{self, Truth};
+use rayon::prelude::*;
+use serde_json::{Map, Value};
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::PathBuf;
+
+/// Most units of a run whose files hold the success curve of each sequence (100 lines each).
+const CURVE_UNITS: usize = 20_000;
+
+/// All there is to make results from.
+pub(crate) struct Run<'a> {
+    pub dir: &'a RunDir,
+    pub plan: &'a Plan,
+    pub keys: &'a Keys,
+    pub truth: &'a [Truth],
+    pub journal: &'a Journal,
+}
+
+/// Units without a result: what they are, and why.
+pub type Failed = Vec<(String, String)>;
+
+impl Run<'_> {
+    /// Writes `timing.csv` and the result files of `units`, which are in the order of the plan.
+    pub fn finish(&self, units: &[Unit], pool: &rayon::ThreadPool) -> Result<(Results, Failed), RunError> {
+        // A tracker at a time, so that the errors of all frames of all trackers are never in memory together.
+        let trackers: Vec<&[Unit]> = units.chunk_by(|a, b| a.tracker == b.tracker).collect();
+        let parts: Vec<(Vec<(Unit, UnitTime)>, Failed, Results)> = pool.install(|| {
+            let load = |units: &&[Unit]| -> Result<_, RunError> {
+                let (mut times, mut failed) = (Vec::new(), Vec::new());
+                let mut loaded: Vec<(&Unit, UnitResult)> = Vec::new();
+                for unit in *units {
+                    let (entry, result) = self.load(unit)?;
+                    match entry.reason {
+                        Some(reason) => failed.push((self.plan.describe(unit), reason)),
+                        None => times.push((*unit, entry.time)),
+                    }
+                    loaded.push((unit, result));
+                }
+                let mut results = Results::default();
+                for (index, protocol) in self.plan.protocol.iter().enumerate() {
+                    let mut own = Vec::new();
+                    for (unit, result) in &mut loaded {
+                        if self.plan.belongs(unit, index) {
+                            result.protocol = protocol.to_string();
+                            own.push(&*result);
+                        }
+                    }
+                    results.extend(aggregate_tracker(&own));
+                }
+                Ok((times, failed, results))
+            };
+            trackers.par_iter().map(load).collect::<Result<_, _>>()
+        })?;
+        let mut results = Results::default();
+        let (mut times, mut failed) = (Vec::new(), Vec::new());
+        for (part_times, part_failed, part) in parts {
+            times.extend(part_times);
+            failed.extend(part_failed);
+            results.extend(part);
+        }
+        write_timing(self.dir, self.plan, &times)?;
+        let meta = Meta {
+            sequence_curves: units.len() <= CURVE_UNITS,
+            ..Meta::default()
+        };
+        report::write_results(self.dir.path(), &results, &meta)?;
+        Ok((results, failed))
+    }
+
+    /// The unit's result as it stands on disk.
+    fn load(&self, unit: &Unit) -> Result<(Entry, UnitResult), RunError> {
+        let damaged = |path: PathBuf, reason: String| RunError::Damaged { path, reason };
+        let sequence = &self.plan.sequences[unit.sequence as usize];
+        let tracker = &self.plan.trackers[unit.tracker as usize];
+        let truth = &self.truth[unit.sequence as usize];
+        let journal = || self.dir.journal();
+        let mut entry = self
+            .journal
+            .get(&self.keys.of(unit))?
+            .ok_or_else(|| damaged(journal(), format!("no line for {}", self.plan.describe(unit))))?;
+        let start = unit.start as usize;
+        let (errors, grid) = match (&entry.status, &entry.log, entry.errors.take()) {
+            (EntryStatus::Failed, ..) => (
+                vec![None; truth.scored(start)],
+                vec![f64::INFINITY; truth.dense(start)],
+            ),
+            (_, Some(_), _) => {
+                let path = self.dir.log(self.plan, unit);
+                let bytes = fs::read(&path).map_err(|e| RunError::io(&path, e))?;
+                let log = unpack_log(bytes)
+                    .and_then(|text| parse_log(&text))
+                    .map_err(|reason| damaged(path, reason))?;
+                (score_log(log.start, log.outcomes, |i| truth.at(i)), log.grid)
+            }
+            (_, None, Some(errors)) => {
+                let error = |[al, mcd, cl, jaccard]: [f64; 4]| FrameError { al, mcd, cl, jaccard };
+                let grid = entry.grid.iter().map(|e| e.unwrap_or(f64::INFINITY));
+                (errors.into_iter().map(|e| e.map(error)).collect(), grid.collect())
+            }
+            (_, None, None) => return Err(damaged(journal(), "a line has neither log nor errors".into())),
+        };
+        let status = match &entry.reason {
+            Some(reason) => UnitStatus::Failed(reason.clone()),
+            None => UnitStatus::Ok,
+        };
+        let result = UnitResult {
+            tracker: tracker.name(),
+            dataset: sequence.dataset.clone(),
+            sequence: sequence.sequence.clone(),
+            start,
+            protocol: self.plan.course(unit).to_string(),
+            status,
+            errors,
+            grid,
+        };
+        Ok((entry, result))
+    }
+}
+
+/// Whether the directory holds the unit's result.
+pub(crate) fn is_done(dir: &RunDir, plan: &Plan, unit: &Unit, journal: &Journal, key: &Key) -> bool {
+    if journal.status(key) != Some(EntryStatus::Ok) {
+        return false;
+    }
+    // A line that cannot be read again is as good as none.
+    let Ok(Some(entry)) = journal.get(key) else {
+        return false;
+    };
+    match &entry.log {
+        Some(log) => fs::read(dir.log(plan, unit)).is_ok_and(|bytes| digest(&bytes) == *log),
+        None => plan.frame_logs == FrameLogs::None && entry.errors.is_some(),
+    }
+}
+
+/// What `run.json` says about this machine and execution.
+pub(crate) fn host(threads: usize) -> Map<String, Value> {
+    let mut host = Map::new();
+    host.insert("name".into(), host_name().into());
+    host.insert("cpu".into(), cpu_name().into());
+    host.insert("os".into(), std::env::consts::OS.into());
+    host.insert("arch".into(), std::env::consts::ARCH.into());
+    host.insert("threads".into(), threads.into());
+    host.insert("started".into(), crate::store::utc_now().into());
+    host
+}
+
+/// Writes `run.json`, `truth.csv` and the `tracker.json` of each tracker of `units`.
+pub(crate) fn describe(
+    dir: &RunDir,
+    plan: &Plan,
+    units: &[Unit],
+    truth: &[Truth],
+    host: &Map<String, Value>,
+) -> Result<(), RunError> {
+    let path = dir.path().join("run.json");
+    let json = |e: serde_json::Error| RunError::io(&path, e.into());
+    let pretty = |value: &Value| format!("{value:#}\n").into_bytes();
+    let mut run = serde_json::to_value(plan).map_err(json)?;
+    run["host"] = Value::Object(host.clone());
+    for tracker in units.iter().map(|unit| unit.tracker).collect::<BTreeSet<_>>() {
+        let tracker = &plan.trackers[tracker as usize];
+        let value = serde_json::to_value(tracker).map_err(json)?;
+        // Written again by the next run if a loss of power damages it.
+        let path = dir.tracker_dir(&tracker.slug).join("tracker.json");
+        dir.put(&path, &pretty(&value), Durable::Later)?;
+    }
+    let truth = truth::format(&plan.sequences, truth);
+    dir.write(&dir.path().join("truth.csv"), &truth)?;
+    dir.write(&path, &pretty(&run))
+}
+
+/// Writes `timing.csv`: the file that differs between machines.
+fn write_timing(dir: &RunDir, plan: &Plan, times: &[(Unit, UnitTime)]) -> Result<(), RunError> {
+    let path = dir.path().join("timing.csv");
+    let cpu = cpu_name();
+    let mut out = csv::Writer::from_writer(Vec::new());
+    let write = |out: &mut csv::Writer<Vec<u8>>, fields: &[&str]| {
+        out.write_record(fields)
+            .map_err(|e| RunError::io(&path, e.into()))
+    };
+    let header = "tracker,dataset,sequence,start,frames,seconds,fps,ms_median,ms_p95,fps_with_input,init_seconds,threads,comparable,cpu,course";
+    write(&mut out, &header.split(',').collect::<Vec<_>>())?;
+    for (unit, time) in times {
+        let sequence = &plan.sequences[unit.sequence as usize];
+        let rate = |seconds: f64| match time.updates {
+            0 => String::new(),
+            n => format!("{:.2}", n as f64 / seconds.max(1e-9)),
+        };
+        write(
+            &mut out,
+            &[
+                &plan.trackers[unit.tracker as usize].id,
+                &sequence.dataset,
+                &sequence.sequence,
+                &unit.start.to_string(),
+                &time.updates.to_string(),
+                &format!("{:.6}", time.seconds),
+                &rate(time.seconds),
+                &format!("{:.4}", time.ms_median),
+                &format!("{:.4}", time.ms_p95),
+                &rate(time.seconds + time.input_seconds),
+                &format!("{:.6}", time.init_seconds),
+                &time.threads.to_string(),
+                if time.threads == 1 { "yes" } else { "no" },
+                &cpu,
+                &plan.course_name(unit).unwrap_or_default(),
+            ],
+        )?;
+    }
+    let bytes = out
+        .into_inner()
+        .map_err(|e| RunError::io(&path, e.into_error()))?;
+    dir.write(&path, &bytes)
+}

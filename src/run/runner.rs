@@ -1,0 +1,206 @@
+//! A run from request to result files: lock, plan, resume, track, aggregate.
+
+use crate::metric::aggregate::Results;
+use crate::plan::plan::{Keys, Unit};
+use crate::plan::request::RunRequest;
+use crate::plan::shard::Sharding;
+use crate::run::finish::{self, Run};
+use crate::run::profile::{Profile, Spent};
+use crate::run::schedule::{Context, groups, lanes, run_units};
+use crate::store::journal::{Entry, EntryStatus, Journal, JournalWriter};
+use crate::store::rundir::{RunDir, RunError};
+use crate::store::truth;
+use rayon::prelude::*;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, OnceLock, mpsc};
+use std::time::{Duration, Instant};
+
+/// Units that may wait for the journal before trackers do.
+const JOURNAL_QUEUE: usize = 1024;
+
+/// Watches a run. Called from many threads.
+pub trait Observer: Sync {
+    /// About to track: `pending` of `units` are left to do, `frames` tracker frames in all.
+    fn begin(&self, units: usize, pending: usize, frames: u64) {
+        let _ = (units, pending, frames);
+    }
+    /// `count` more tracker frames are done.
+    fn frames(&self, count: u64) {
+        let _ = count;
+    }
+    /// A unit has ended.
+    fn unit(&self, entry: &Entry) {
+        let _ = entry;
+    }
+    /// Asked to stop; what is in progress has `grace` to end.
+    fn stopping(&self, grace: Duration) {
+        let _ = grace;
+    }
+    /// All units have ended, or the run stops early.
+    fn end(&self) {}
+    /// Something the user should know.
+    fn warn(&self, message: &str) {
+        let _ = message;
+    }
+}
+
+/// Watches nothing.
+#[derive(Clone, Copy, Debug)]
+pub struct Silent;
+
+impl Observer for Silent {}
+
+/// What a finished run has to tell.
+#[derive(Clone, Debug)]
+pub struct RunReport {
+    /// The run directory.
+    pub path: PathBuf,
+    /// The aggregated figures, as written.
+    pub results: Results,
+    /// Units requested.
+    pub units: usize,
+    /// Of those, units that an earlier run had done.
+    pub resumed: usize,
+    /// Units without a result: `tracker on dataset/sequence`, and why.
+    pub failed: Vec<(String, String)>,
+    /// Where the time went; `None` when an earlier run had done everything.
+    pub profile: Option<Profile>,
+}
+
+/// Tracks everything in `request` that its directory does not hold yet and writes the result files.
+///
+/// `stop` may be set at any time (by a signal handler, say): the run then ends what is in progress, as far as the
+/// request's grace allows, and returns [`RunError::Interrupted`]; the same request goes on from there.
+///
+/// # Errors
+/// See [`RunError`]. Failures of single trackers or sequences are no errors but part of the report.
+pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> Result<RunReport, RunError> {
+    let prepared = request.prepare()?;
+    let plan = &prepared.plan;
+    let keys = Keys::new(plan);
+    let mut units: Vec<Unit> = match request.shard {
+        None => plan.units().collect(),
+        Some(shard) => {
+            let sharding = Sharding::new(plan, shard.cut, shard.count);
+            plan.units()
+                .filter(|unit| sharding.of(unit) == shard.index)
+                .collect()
+        }
+    };
+    units.shrink_to_fit();
+    let pool = pool(request.threads)?;
+    let threads = pool.current_num_threads();
+    let (mut dir, dead) = RunDir::open(&request.out, request.force)?;
+    dir.lay_out(plan);
+    if let Some(dead) = dead {
+        observer.warn(&format!(
+            "an earlier run of this directory was killed ({})",
+            dead.text
+        ));
+    }
+    let writer = JournalWriter::open(&dir.journal())?;
+    let journal = Journal::read(&dir.journal())?;
+    if journal.damaged > 0 {
+        let path = dir.journal();
+        observer.warn(&format!(
+            "{}: {} damaged lines ignored",
+            path.display(),
+            journal.damaged
+        ));
+    }
+    let truth = truth::of(&prepared);
+    let done = pool.install(|| -> Vec<bool> {
+        let done = |unit: &Unit| finish::is_done(&dir, plan, unit, &journal, &keys.of(unit));
+        units.par_iter().map(done).collect()
+    });
+    let mut host = finish::host(threads);
+    host.insert("shard".into(), request.shard.map(|s| s.to_string()).into());
+    host.extend(request.host.clone());
+    finish::describe(&dir, plan, &units, &truth, &host)?;
+
+    let mut pending: Vec<Unit> = units
+        .iter()
+        .zip(&done)
+        .filter(|(_, done)| !**done)
+        .map(|(unit, _)| *unit)
+        .collect();
+    let resumed = units.len() - pending.len();
+    let mut profile = None;
+    if !pending.is_empty() {
+        pending.sort_by_key(|unit| (unit.sequence, unit.tracker, unit.course, unit.start));
+        observer.begin(
+            units.len(),
+            pending.len(),
+            pending.iter().map(|unit| plan.unit_frames(unit)).sum(),
+        );
+        let groups: Vec<&[Unit]> = pending
+            .chunk_by(|a, b| a.sequence == b.sequence)
+            .flat_map(|units| groups(units, threads))
+            .collect();
+        let largest = groups.iter().map(|group| group.len()).max().unwrap_or(0);
+        let (journal, finished) = mpsc::sync_channel(JOURNAL_QUEUE);
+        let context = Context {
+            request,
+            prepared: &prepared,
+            keys: &keys,
+            dir: &dir,
+            observer,
+            stop,
+            stopped: OnceLock::new(),
+            broken: AtomicBool::new(false),
+            error: Mutex::new(None),
+            lanes: lanes(threads, largest, groups.len()),
+            pool: &pool,
+            spent: Spent::default(),
+        };
+        let begin = Instant::now();
+        std::thread::scope(|scope| {
+            let context = &context;
+            scope.spawn(move || writer.serve(finished).unwrap_or_else(|error| context.fail(error)));
+            run_units(context, journal, groups);
+        });
+        observer.end();
+        profile = Some(context.spent.profile(begin.elapsed().as_secs_f64(), threads));
+        if let Some(error) = context.error.into_inner().unwrap_or_else(|e| e.into_inner()) {
+            return Err(error);
+        }
+    }
+
+    let journal = Journal::read(&dir.journal())?;
+    let ended = units.iter().map(|unit| journal.status(&keys.of(unit)));
+    let (done, ended) = ended.flatten().fold((0, 0), |(done, ended), status| {
+        (done + usize::from(status == EntryStatus::Ok), ended + 1)
+    });
+    if stop.load(Ordering::Relaxed) && ended < units.len() {
+        return Err(RunError::Interrupted {
+            done,
+            total: units.len(),
+        });
+    }
+    let run = Run {
+        dir: &dir,
+        plan,
+        keys: &keys,
+        truth: &truth,
+        journal: &journal,
+    };
+    let (results, failed) = run.finish(&units, &pool)?;
+    Ok(RunReport {
+        path: dir.path().to_path_buf(),
+        results,
+        units: units.len(),
+        resumed,
+        failed,
+        profile,
+    })
+}
+
+/// Worker threads; 0 for one per core.
+pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, RunError> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(|i| format!("worker {i}"))
+        .build()
+        .map_err(|e| RunError::Threads(e.to_string()))
+}

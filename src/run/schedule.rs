@@ -1,0 +1,444 @@
+//! Runs units: each frame of a sequence is decoded and filtered once and given to every tracker of a group.
+//!
+//! Frames are decoded a window ahead while the trackers of the group work through the current window in parallel, so
+//! memory does not depend on a sequence's length (but for its log rows, which count towards the size of a group) and a
+//! long sequence with many trackers keeps all cores as busy as many sequences with one. A group is at most
+//! [`GROUP`] trackers, so that an interruption costs little. Groups run side by side in *lanes*, as many as it takes to
+//! fill the threads and one more to fill in where a group waits for its slowest; lanes are plain threads that hand
+//! windows to one pool, so nesting stays bounded.
+
+use crate::dataset::Sequence;
+use crate::panics;
+use crate::plan::plan::{FrameLogs, Keys, Unit};
+use crate::plan::request::{Prepared, RunRequest};
+use crate::run::pass::{Pass, Ready};
+use crate::run::profile::{Activity, Spent};
+use crate::run::runner::Observer;
+use crate::store::framelog::{Row, format_log, pack_log, score_log};
+use crate::store::journal::{Entry, EntryStatus, Finished, UnitTime};
+use crate::store::rundir::{RunDir, RunError, digest};
+use crate::store::{Durable, write_atomic};
+use mtf::image::Frame;
+use mtf::tracker::Tracker;
+use rayon::prelude::*;
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::SyncSender;
+use std::sync::{Arc, Mutex, OnceLock};
+use std::time::Instant;
+
+/// Most units that go through a sequence together: enough that decoding is little beside tracking.
+const GROUP: usize = 256;
+/// Most frames decoded ahead.
+const WINDOW: usize = 16;
+/// Share of the memory budget that decoded frames may take.
+const FRAME_SHARE: u64 = 8;
+/// Bytes a frame costs a unit until its log is written.
+const ROW_BYTES: u64 = (size_of::<Row>() + size_of::<f32>()) as u64;
+
+/// What every lane shares.
+pub(crate) struct Context<'a> {
+    pub request: &'a RunRequest,
+    pub prepared: &'a Prepared<'a>,
+    pub keys: &'a Keys,
+    pub dir: &'a RunDir,
+    pub observer: &'a dyn Observer,
+    /// Set by a signal.
+    pub stop: &'a AtomicBool,
+    /// When it was first seen to be set.
+    pub stopped: OnceLock<Instant>,
+    /// Set when a file could not be written, by whoever met the error first.
+    pub broken: AtomicBool,
+    pub error: Mutex<Option<RunError>>,
+    pub pool: &'a rayon::ThreadPool,
+    pub lanes: usize,
+    pub spent: Spent,
+}
+
+impl Context<'_> {
+    /// Nothing new is to be begun.
+    fn stopping(&self) -> bool {
+        self.stop.load(Ordering::Relaxed) || self.broken.load(Ordering::Relaxed)
+    }
+
+    /// What is in progress is to be given up.
+    fn halted(&self) -> bool {
+        let late = || {
+            let since = self.stopped.get_or_init(|| {
+                if !self.request.grace.is_zero() {
+                    self.observer.stopping(self.request.grace);
+                }
+                Instant::now()
+            });
+            since.elapsed() >= self.request.grace
+        };
+        self.broken.load(Ordering::Relaxed) || (self.stop.load(Ordering::Relaxed) && late())
+    }
+
+    /// Keeps the first error and stops everything.
+    pub fn fail(&self, error: RunError) {
+        let mut first = self.error.lock().unwrap_or_else(|e| e.into_inner());
+        first.get_or_insert(error);
+        self.broken.store(true, Ordering::Relaxed);
+    }
+
+    fn sequence(&self, unit: &Unit) -> &Sequence {
+        self.prepared.sequences[unit.sequence as usize]
+    }
+}
+
+/// Lanes that keep `threads` busy with `groups` groups of at most `trackers` trackers.
+pub(crate) fn lanes(threads: usize, trackers: usize, groups: usize) -> usize {
+    let spare = usize::from(threads > 1);
+    let fill = (2 * threads).div_ceil(trackers.max(1)) + spare;
+    fill.min(threads).clamp(1, groups.max(1))
+}
+
+/// Cuts the units of a sequence into groups, as many as it takes to occupy `threads`.
+pub(crate) fn groups(units: &[Unit], threads: usize) -> impl Iterator<Item = &[Unit]> {
+    units.chunks(GROUP.max(4 * threads))
+}
+
+/// Runs `pending` (groups of units of one sequence each) to their end or until halted; what is finished goes to `journal`.
+pub(crate) fn run_units(context: &Context<'_>, journal: SyncSender<Finished>, mut pending: Vec<&[Unit]>) {
+    // The longest first, so that no lane is left alone with one at the end.
+    pending.sort_by_key(|units| {
+        std::cmp::Reverse(units.len() * units.first().map_or(0, |u| context.sequence(u).len()))
+    });
+    let work = Mutex::new(VecDeque::from(pending));
+    let journal = &journal;
+    std::thread::scope(|scope| {
+        for _ in 0..context.lanes {
+            scope.spawn(|| {
+                while !context.stopping() {
+                    let next = work.lock().unwrap_or_else(|e| e.into_inner()).pop_front();
+                    match next {
+                        Some(units) => run_sequence(context, journal, units),
+                        None => break,
+                    }
+                }
+            });
+        }
+    });
+}
+
+fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[Unit]) {
+    let Some(first) = units.first() else { return };
+    let sequence = context.sequence(first);
+    let budget = context.request.memory / context.lanes as u64;
+    let mut waiting: VecDeque<&Unit> = units.iter().collect();
+    let mut unreadable: Option<String> = None;
+    while !waiting.is_empty() && !context.stopping() {
+        let mut group = Vec::new();
+        let mut bytes = 0;
+        while let Some(&unit) = waiting.front() {
+            let pass = prepare(context, unit, unreadable.as_deref());
+            bytes += memory(sequence, &pass);
+            // The first tracker over the budget is made again for the next group.
+            if bytes > budget && !group.is_empty() {
+                break;
+            }
+            group.push(pass);
+            waiting.pop_front();
+        }
+        let read = run_group(context, sequence, budget, &mut group, &mut waiting);
+        if context.halted() {
+            return;
+        }
+        if let Err(reason) = read {
+            unreadable.get_or_insert(reason);
+        }
+        context.pool.install(|| {
+            group.into_par_iter().with_max_len(1).for_each(|pass| {
+                let write = || finish(context, journal, sequence, pass);
+                context.spent.on(Activity::Writing, write);
+            });
+        });
+    }
+}
+
+/// Bytes that a unit takes.
+fn memory(sequence: &Sequence, pass: &Pass<'_>) -> u64 {
+    let rows = ROW_BYTES * (sequence.len() as u64 - u64::from(pass.unit.start));
+    rows + pass.tracker.as_ref().map_or(0, |t| t.memory() as u64)
+}
+
+/// Makes the unit's tracker.
+fn prepare<'a>(context: &Context<'_>, unit: &'a Unit, unreadable: Option<&str>) -> Pass<'a> {
+    let made = match unreadable {
+        Some(reason) => Err(reason.to_string()),
+        None => make(context, unit, unit.start),
+    };
+    Pass::new(unit, context.prepared.plan.course(unit), made)
+}
+
+/// Makes a tracker for the unit that is to start on `frame`. It does not depend on what the unit did before that.
+fn make(context: &Context<'_>, unit: &Unit, frame: u32) -> Result<Box<dyn Tracker>, String> {
+    let make = &context.prepared.trackers[unit.tracker as usize].make;
+    let mut tracker = panics::catch(|| make()).and_then(|made| made)?;
+    tracker.reseed(context.prepared.plan.seed_at(unit, frame));
+    tracker.set_threads(context.request.threads_per_tracker);
+    Ok(tracker)
+}
+
+/// Runs a group over its sequence; units whose trackers turn out not to fit the budget go back to those `waiting`. An
+/// unreadable frame fails the units of the group and is returned.
+fn run_group<'a>(
+    context: &Context<'_>,
+    sequence: &Sequence,
+    budget: u64,
+    group: &mut Vec<Pass<'a>>,
+    waiting: &mut VecDeque<&'a Unit>,
+) -> Result<(), String> {
+    let Some(first) = group
+        .iter()
+        .filter(|pass| !pass.is_over())
+        .map(|pass| pass.unit.start as usize)
+        .min()
+    else {
+        return Ok(());
+    };
+    let channels = |n| {
+        group
+            .iter()
+            .filter_map(|pass| pass.tracker.as_ref())
+            .any(|t| t.channels() == n)
+    };
+    let (gray, colour) = (channels(1), channels(3));
+    let read = |range: Range<usize>| decode(context, sequence, range, gray, colour);
+
+    // The first frame alone, to learn how much memory a frame takes.
+    let window = match context
+        .pool
+        .install(|| read(first..sequence.len().min(first + 1)))
+    {
+        Ok(window) => window,
+        Err(reason) => {
+            fail_all(group, &reason);
+            return Err(reason);
+        }
+    };
+    let ahead = window.first().map_or(WINDOW, |ready| {
+        let planes = 4 * (usize::from(gray) + 3 * usize::from(colour)) + 1 + 2 * usize::from(colour);
+        let bytes = (ready.frame.width() * ready.frame.height() * planes) as u64;
+        let room = context.request.memory / FRAME_SHARE / context.lanes as u64 / 2;
+        ((room / bytes.max(1)) as usize).clamp(1, WINDOW)
+    });
+    // Started a few at a time: only then do all trackers know what they need.
+    let mut used = 0;
+    let mut started = 0;
+    while started < group.len() && (started == 0 || used <= budget) && !context.halted() {
+        let end = group.len().min(started + 2 * context.pool.current_num_threads());
+        let few = &mut group[started..end];
+        context.pool.install(|| {
+            few.par_iter_mut().with_max_len(1).for_each(|pass| {
+                let track = || track_window(context, sequence, pass, &window);
+                context.spent.on(Activity::Tracking, track);
+            })
+        });
+        used += few.iter().map(|pass| memory(sequence, pass)).sum::<u64>();
+        started = end;
+    }
+    for pass in group.drain(started..).rev() {
+        waiting.push_front(pass.unit);
+    }
+    let upcoming = |from: usize| from..sequence.len().min(from + ahead);
+    let mut next = context.pool.install(|| read(upcoming(first + 1)));
+    loop {
+        let window = match next {
+            Ok(window) => window,
+            Err(reason) => {
+                fail_all(group, &reason);
+                return Err(reason);
+            }
+        };
+        let idle = group.iter().all(Pass::is_over);
+        let Some(last) = window.last().filter(|_| !idle && !context.halted()) else {
+            return Ok(());
+        };
+        let following = upcoming(last.index + 1);
+        ((), next) = context.pool.install(|| {
+            rayon::join(
+                || {
+                    group.par_iter_mut().with_max_len(1).for_each(|pass| {
+                        let track = || track_window(context, sequence, pass, &window);
+                        context.spent.on(Activity::Tracking, track);
+                    })
+                },
+                || read(following),
+            )
+        });
+    }
+}
+
+fn fail_all(group: &mut [Pass<'_>], reason: &str) {
+    for pass in group.iter_mut().filter(|pass| !pass.is_over()) {
+        pass.fail(reason.to_string());
+    }
+}
+
+/// Reads frames in parallel; the first unreadable one is the error.
+fn decode(
+    context: &Context<'_>,
+    sequence: &Sequence,
+    range: Range<usize>,
+    gray: bool,
+    colour: bool,
+) -> Result<Vec<Ready>, String> {
+    let read = |index: usize| -> Result<Ready, String> {
+        let begin = Instant::now();
+        let decode = || panics::catch(|| sequence.read(index, colour));
+        let decoded = context.spent.on(Activity::Reading, decode)?;
+        let frame = Frame::new(
+            decoded.map_err(|e| e.to_string())?,
+            Arc::clone(&context.request.pre),
+        );
+        let filter = || {
+            // Filtered here, so that no tracker's time includes it.
+            if gray {
+                frame.gray();
+            }
+            if colour {
+                frame.colour();
+            }
+        };
+        context.spent.on(Activity::Filtering, || panics::catch(filter))?;
+        Ok(Ready {
+            index,
+            frame,
+            seconds: begin.elapsed().as_secs_f64(),
+        })
+    };
+    let frames: Vec<Result<Ready, String>> = range.into_par_iter().with_max_len(1).map(read).collect();
+    frames.into_iter().collect()
+}
+
+/// One tracker through one window, in order.
+fn track_window(context: &Context<'_>, sequence: &Sequence, pass: &mut Pass<'_>, window: &[Ready]) {
+    let start = pass.unit.start as usize;
+    let unit = pass.unit;
+    let make_at = |frame: u32| make(context, unit, frame);
+    let mut done = 0;
+    for ready in window.iter().filter(|ready| ready.index >= start) {
+        if pass.is_over() {
+            break;
+        }
+        if context.halted() {
+            return;
+        }
+        done += pass.advance(ready, sequence, &make_at);
+        if let Some(limit) = context.request.timeout {
+            let total: f64 = pass.seconds.iter().map(|&s| f64::from(s)).sum();
+            if total > limit.as_secs_f64() && pass.failed.is_none() {
+                pass.fail(format!("longer than {} s", limit.as_secs_f64()));
+            }
+        }
+    }
+    context.observer.frames(done as u64);
+}
+
+/// Writes the unit's log and sends its line to the journal.
+fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequence, pass: Pass<'_>) {
+    let Pass {
+        unit,
+        rows,
+        init_seconds,
+        seconds,
+        input_seconds,
+        failed,
+        ..
+    } = pass;
+    let plan = &context.prepared.plan;
+    let path = context.dir.log(plan, unit);
+    let start = unit.start as usize;
+    let truth = |i: usize| sequence.truth(i);
+    let ok = failed.is_none();
+    let mut entry = Entry {
+        key: context.keys.of(unit),
+        tracker: plan.trackers[unit.tracker as usize].id.clone(),
+        dataset: sequence.dataset().to_string(),
+        sequence: sequence.name().to_string(),
+        start: unit.start,
+        course: plan.course_name(unit),
+        status: if ok { EntryStatus::Ok } else { EntryStatus::Failed },
+        reason: failed,
+        frames: rows.len(),
+        log: None,
+        errors: None,
+        grid: Vec::new(),
+        time: UnitTime {
+            init_seconds,
+            ..unit_time(seconds, input_seconds, context.pool.current_num_threads())
+        },
+    };
+    let mut written = None;
+    let logs = context.request.frame_logs;
+    if ok && logs != FrameLogs::None {
+        let text = format_log(&rows, start, |i| sequence.frame_name(i).to_string(), truth);
+        let bytes = pack_log(text, logs);
+        entry.log = Some(digest(&bytes));
+        // Synced in groups by the journal, before the line that vouches for it.
+        if let Err(error) = write_atomic(&path, Durable::Later, |w| w.write_all(&bytes)) {
+            return context.fail(RunError::io(&path, error));
+        }
+        written = Some(path);
+    } else {
+        if ok {
+            let errors = score_log(start, rows.iter().map(Row::outcome), truth);
+            entry.errors = Some(errors.into_iter().map(|e| e.map(|e| e.values())).collect());
+            let finite = |e: f64| e.is_finite().then_some(e);
+            entry.grid = rows.iter().filter_map(|row| row.grid.map(finite)).collect();
+        }
+        if logs != FrameLogs::None {
+            // A log of an earlier run with other settings would be taken for this unit's by readers.
+            let _ = std::fs::remove_file(path);
+        }
+    }
+    context.observer.unit(&entry);
+    // The receiver only goes away after an error, which it has recorded.
+    let _ = journal.send(Finished { entry, log: written });
+}
+
+fn unit_time(mut seconds: Vec<f32>, input_seconds: f64, threads: usize) -> UnitTime {
+    let total: f64 = seconds.iter().map(|&s| f64::from(s)).sum();
+    seconds.sort_by(f32::total_cmp);
+    let quantile = |q: f64| match seconds.len() {
+        0 => 0.0,
+        n => 1e3 * f64::from(seconds[((q * (n - 1) as f64).round() as usize).min(n - 1)]),
+    };
+    UnitTime {
+        init_seconds: 0.0,
+        seconds: total,
+        ms_median: quantile(0.5),
+        ms_p95: quantile(0.95),
+        input_seconds,
+        updates: seconds.len(),
+        threads,
+        finished: crate::store::utc_now(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lanes_fill_the_threads_and_no_more() {
+        assert_eq!(lanes(1, 1, 12), 1);
+        assert_eq!(lanes(8, 1, 12), 8);
+        assert_eq!(lanes(8, 1, 3), 3);
+        assert_eq!(lanes(8, 5, 12), 5);
+        assert_eq!(lanes(8, 256, 12), 2);
+        assert_eq!(lanes(1, 256, 12), 1);
+        assert_eq!(lanes(2, 1, 0), 1);
+    }
+
+    #[test]
+    fn quantiles_are_taken_over_the_updates() {
+        let time = unit_time((1..=100).rev().map(|k| k as f32 * 1e-3).collect(), 0.5, 2);
+        assert!((time.seconds - 5.05).abs() < 1e-6);
+        assert!((time.ms_median - 51.0).abs() < 1e-4 && (time.ms_p95 - 95.0).abs() < 1e-4);
+        assert_eq!(unit_time(Vec::new(), 0.0, 1).ms_p95, 0.0);
+    }
+}

@@ -1,0 +1,480 @@
+//! The runner with trackers that are made for its tests.
+
+use super::*;
+use crate::dataset::{self, LoadOptions, Sequence};
+use crate::metric::aggregate::TrackerName;
+use crate::plan::{FrameLogs, Protocol, Protocols, RunRequest, TrackerEntry, Unit};
+use crate::store::RunError;
+use crate::store::journal::{EntryStatus, Journal};
+use mtf::geom::Corners;
+use mtf::image::{Frame, Identity};
+use mtf::tracker::{Stop, TrackError, Tracker, Update};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+/// What a test tracker does in its `at`-th update.
+#[derive(Clone, Copy)]
+enum Trick {
+    Nothing,
+    Panic {
+        at: usize,
+    },
+    Lose {
+        at: usize,
+    },
+    Infinite {
+        at: usize,
+    },
+    /// Goes 30 px away.
+    Jump {
+        at: usize,
+    },
+    NoStart,
+    /// Does not start on that frame of the first sequence.
+    Refuse {
+        frame: usize,
+    },
+}
+
+/// Stays where it started but for a seeded offset.
+struct Still {
+    corners: Corners,
+    offset: f64,
+    updates: usize,
+    trick: Trick,
+    channels: usize,
+}
+
+impl Tracker for Still {
+    fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        let index = (frame.gray().get(0, 3, 3) as usize - 60) / 3;
+        match self.trick {
+            Trick::NoStart => return Err(TrackError::Template("flat")),
+            Trick::Refuse { frame } if frame == index => return Err(TrackError::Template("flat")),
+            _ => {}
+        }
+        self.corners = *corners;
+        Ok(())
+    }
+    fn update(&mut self, frame: &Frame) -> Result<Update, TrackError> {
+        self.updates += 1;
+        let value = f64::from(frame.with_channels(self.channels).get(0, 3, 3));
+        match self.trick {
+            Trick::Panic { at } if at == self.updates => panic!("as told"),
+            Trick::Lose { at } if at == self.updates => return Err(TrackError::Outside),
+            Trick::Infinite { at } if at == self.updates => {
+                let corners = Corners::rect(f64::NAN, 0.0, 1.0, 1.0);
+                return Ok(Update {
+                    corners,
+                    stop: Stop::Done,
+                    iterations: 0,
+                    similarity: value,
+                });
+            }
+            Trick::Jump { at } if at == self.updates => self.corners = self.corners.translated(30.0, 0.0),
+            _ => self.corners = self.corners.translated(self.offset, 1.0 / 3.0),
+        }
+        Ok(Update {
+            corners: self.corners,
+            stop: Stop::Converged,
+            iterations: 2,
+            similarity: value,
+        })
+    }
+    fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
+        self.corners = *corners;
+        Ok(())
+    }
+    fn corners(&self) -> Corners {
+        self.corners
+    }
+    fn reseed(&mut self, seed: u64) {
+        self.offset = (seed % 1000) as f64 / 1000.0;
+    }
+    fn channels(&self) -> usize {
+        self.channels
+    }
+}
+
+fn tracker(id: &str, trick: Trick, channels: usize) -> TrackerEntry {
+    TrackerEntry {
+        name: TrackerName {
+            id: id.into(),
+            sm: id.into(),
+            ..TrackerName::default()
+        },
+        slug: id.into(),
+        parameters: serde_json::json!({ "channels": channels }),
+        make: Arc::new(move || {
+            let corners = Corners::rect(0.0, 0.0, 1.0, 1.0);
+            Ok(Box::new(Still {
+                corners,
+                offset: 0.0,
+                updates: 0,
+                trick,
+                channels,
+            }))
+        }),
+    }
+}
+
+/// Writes a data set of `lengths.len()` sequences of small images; the object moves a pixel to the right per frame.
+fn write_data(root: &Path, lengths: &[usize]) {
+    for (s, &frames) in lengths.iter().enumerate() {
+        let folder = root.join(format!("seq{s}"));
+        fs::create_dir_all(&folder).unwrap();
+        let mut text = "frame ulx uly urx ury lrx lry llx lly\n".to_string();
+        for f in 0..frames {
+            let name = format!("frame{:05}.png", f + 1);
+            let pixel =
+                |x: u32, y: u32| image::Luma([((x * 7 + y * 13 + f as u32 * 3 + s as u32) % 256) as u8]);
+            image::GrayImage::from_fn(32, 24, pixel)
+                .save(folder.join(&name))
+                .unwrap();
+            let x = 5.0 + f as f64 * 0.25;
+            text += &format!("{name} {x} 5 {} 5 {} 15 {x} 15\n", x + 10.0, x + 10.0);
+        }
+        fs::write(root.join(format!("seq{s}.txt")), text).unwrap();
+    }
+}
+
+mod protocols;
+
+struct Bench {
+    dir: tempfile::TempDir,
+    sequences: Vec<Sequence>,
+}
+
+impl Bench {
+    fn new(lengths: &[usize]) -> Bench {
+        let dir = tempfile::tempdir().unwrap();
+        write_data(&dir.path().join("data"), lengths);
+        let sequences = dataset::load(&dir.path().join("data"), &LoadOptions::default())
+            .unwrap()
+            .sequences;
+        assert_eq!(sequences.len(), lengths.len());
+        Bench { dir, sequences }
+    }
+
+    fn request(&self, out: &str, trackers: Vec<TrackerEntry>) -> RunRequest {
+        RunRequest {
+            trackers,
+            sequences: self.sequences.clone(),
+            pre: Arc::new(Identity),
+            protocol: Protocol::Ope.into(),
+            seed: 7,
+            threads_per_tracker: 1,
+            shard: None,
+            threads: 2,
+            memory: 1 << 30,
+            out: self.dir.path().join(out),
+            force: false,
+            frame_logs: FrameLogs::Csv,
+            timeout: None,
+            grace: std::time::Duration::ZERO,
+            about: serde_json::Map::new(),
+            host: serde_json::Map::new(),
+        }
+    }
+}
+
+fn go(request: &RunRequest) -> Result<RunReport, RunError> {
+    run(request, &Silent, &AtomicBool::new(false))
+}
+
+fn many(count: usize) -> Vec<TrackerEntry> {
+    (0..count)
+        .map(|k| tracker(&format!("t{k}"), Trick::Nothing, 1))
+        .collect()
+}
+
+/// Every file that must not depend on how the run went.
+fn files(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![dir.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.strip_prefix(dir).unwrap().to_path_buf();
+            if path.is_dir() {
+                folders.push(path);
+            } else if !["timing.csv", "journal.jsonl", "run.json", ".lock"].contains(&name.to_str().unwrap())
+            {
+                found.insert(name, fs::read(path).unwrap());
+            }
+        }
+    }
+    let mut run: serde_json::Value =
+        serde_json::from_slice(&fs::read(dir.join("run.json")).unwrap()).unwrap();
+    run.as_object_mut().unwrap().remove("host").unwrap();
+    found.insert("run.json".into(), run.to_string().into_bytes());
+    found
+}
+
+#[test]
+fn each_frame_is_decoded_once_for_all_trackers() {
+    let bench = Bench::new(&[40, 17]);
+    let mut trackers = many(30);
+    trackers.push(tracker("colour", Trick::Nothing, 3));
+    go(&bench.request("out", trackers)).unwrap();
+    let counts: Vec<usize> = bench.sequences.iter().map(Sequence::decoded_count).collect();
+    assert_eq!(counts, [40, 17]);
+}
+
+#[test]
+fn a_small_budget_makes_more_groups_and_the_same_files() {
+    let bench = Bench::new(&[20]);
+    go(&bench.request("wide", many(6))).unwrap();
+    let before = bench.sequences[0].decoded_count();
+    let mut request = bench.request("narrow", many(6));
+    request.memory = 1 << 19;
+    go(&request).unwrap();
+    assert_eq!(bench.sequences[0].decoded_count() - before, 2 * 20);
+    assert_eq!(
+        files(&bench.dir.path().join("wide")),
+        files(&bench.dir.path().join("narrow"))
+    );
+}
+
+#[test]
+fn threads_order_and_company_do_not_change_a_file() {
+    let bench = Bench::new(&[33, 5, 18]);
+    let mut trackers = many(4);
+    trackers.push(tracker("panics", Trick::Panic { at: 4 }, 1));
+    let mut one = bench.request("one", trackers.clone());
+    one.threads = 1;
+    go(&one).unwrap();
+    let mut three = bench.request("three", trackers.clone());
+    three.threads = 3;
+    three.trackers.reverse();
+    three.sequences.reverse();
+    go(&three).unwrap();
+    let mut steps = bench.request("steps", trackers[2..3].to_vec());
+    go(&steps).unwrap();
+    steps.trackers = trackers;
+    let report = go(&steps).unwrap();
+    assert_eq!((report.units, report.resumed), (15, 3));
+    assert_eq!(files(&one.out), files(&three.out));
+    assert_eq!(files(&one.out), files(&steps.out));
+}
+
+#[test]
+fn failures_concern_their_unit_only_and_are_tried_again() {
+    let bench = Bench::new(&[12]);
+    let request = bench.request(
+        "out",
+        vec![
+            tracker("good", Trick::Nothing, 1),
+            tracker("infinite", Trick::Infinite { at: 3 }, 1),
+            tracker("loses", Trick::Lose { at: 2 }, 1),
+            tracker("no_start", Trick::NoStart, 1),
+            tracker("panics", Trick::Panic { at: 5 }, 1),
+        ],
+    );
+    let report = go(&request).unwrap();
+    let failed: Vec<&str> = report
+        .failed
+        .iter()
+        .map(|(unit, _)| unit.split(' ').next().unwrap())
+        .collect();
+    assert_eq!(failed, ["no_start", "panics"]);
+    assert!(report.failed[0].1.contains("flat"), "{:?}", report.failed);
+    assert!(
+        report.failed[1].1.contains("frame 5: as told"),
+        "{:?}",
+        report.failed
+    );
+    let log = |slug: &str| {
+        let dataset = bench.sequences[0].dataset();
+        fs::read_to_string(
+            request
+                .out
+                .join("frames")
+                .join(slug)
+                .join(dataset)
+                .join("seq0.csv"),
+        )
+    };
+    assert!(log("panics").is_err() && log("no_start").is_err());
+    let lost = log("loses").unwrap();
+    assert_eq!(lost.lines().count(), 13);
+    assert!(
+        lost.lines()
+            .nth(1)
+            .unwrap()
+            .starts_with("0,frame00001.png,init,5.000000,"),
+        "{lost}"
+    );
+    assert!(lost.lines().nth(3).unwrap().contains(",outside,"), "{lost}");
+    assert!(lost.lines().nth(4).unwrap().contains(",converged,"), "{lost}");
+    assert!(
+        log("infinite")
+            .unwrap()
+            .lines()
+            .nth(4)
+            .unwrap()
+            .contains(",not_finite,,,,,,,,,,,,,")
+    );
+
+    let again = go(&request).unwrap();
+    assert_eq!(again.resumed, 3);
+    assert_eq!(again.failed, report.failed);
+    let journal = fs::read_to_string(request.out.join("journal.jsonl")).unwrap();
+    assert_eq!(journal.lines().count(), 7);
+}
+
+#[test]
+fn without_frame_logs_the_figures_are_the_same() {
+    let bench = Bench::new(&[15, 9]);
+    let with = bench.request("with", many(3));
+    go(&with).unwrap();
+    let mut without = bench.request("without", many(3));
+    without.frame_logs = FrameLogs::None;
+    go(&without).unwrap();
+    let (mut a, mut b) = (files(&with.out), files(&without.out));
+    a.retain(|path, _| path.extension().is_none_or(|e| e != "csv") || !path.starts_with("frames"));
+    for files in [&mut a, &mut b] {
+        let run = files.get_mut(Path::new("run.json")).unwrap();
+        let mut value: serde_json::Value = serde_json::from_slice(run).unwrap();
+        value.as_object_mut().unwrap().remove("frame_logs").unwrap();
+        *run = value.to_string().into_bytes();
+    }
+    assert_eq!(a, b);
+    assert_eq!(go(&without).unwrap().resumed, 6);
+    without.frame_logs = FrameLogs::Csv;
+    assert_eq!(go(&without).unwrap().resumed, 0);
+    assert_eq!(files(&with.out), files(&without.out));
+}
+
+#[test]
+fn what_can_change_a_result_makes_a_new_unit_and_logs_are_checked() {
+    let bench = Bench::new(&[9]);
+    let mut request = bench.request("out", many(2));
+    go(&request).unwrap();
+    let reference = files(&request.out);
+    assert_eq!(go(&request).unwrap().resumed, 2);
+    request.seed = 8;
+    assert_eq!(go(&request).unwrap().resumed, 0);
+    assert_ne!(files(&request.out), reference);
+    // The journal still has the units of the first seed, but their logs were replaced.
+    request.seed = 7;
+    assert_eq!(go(&request).unwrap().resumed, 0);
+    assert_eq!(files(&request.out), reference);
+    let log = request
+        .out
+        .join("frames/t0")
+        .join(bench.sequences[0].dataset())
+        .join("seq0.csv");
+    fs::write(&log, "edited").unwrap();
+    assert_eq!(go(&request).unwrap().resumed, 1);
+    fs::remove_file(&log).unwrap();
+    assert_eq!(go(&request).unwrap().resumed, 1);
+    request.force = true;
+    assert_eq!(go(&request).unwrap().resumed, 0);
+    assert_eq!(files(&request.out), reference);
+}
+
+#[test]
+fn a_smaller_grid_leaves_the_rest_on_disk_but_out_of_the_figures() {
+    let bench = Bench::new(&[9]);
+    go(&bench.request("out", many(3))).unwrap();
+    let report = go(&bench.request("out", many(1))).unwrap();
+    assert_eq!((report.units, report.resumed), (1, 1));
+    let summary = fs::read_to_string(report.path.join("summary.csv")).unwrap();
+    assert!(summary.contains("t0") && !summary.contains("t1"));
+    assert!(report.path.join("frames/t1").exists());
+}
+
+#[test]
+fn an_unreadable_frame_fails_its_sequence_only() {
+    let bench = Bench::new(&[10, 10]);
+    let bad = bench.dir.path().join("data/seq1/frame00007.png");
+    fs::write(&bad, "not an image").unwrap();
+    let report = go(&bench.request("out", many(3))).unwrap();
+    assert_eq!(report.failed.len(), 3);
+    for (unit, reason) in &report.failed {
+        assert!(
+            unit.contains("seq1") && reason.contains("frame00007.png"),
+            "{unit}: {reason}"
+        );
+    }
+}
+
+/// Stops the run after some units.
+struct StopAfter<'a> {
+    units: AtomicUsize,
+    after: usize,
+    stop: &'a AtomicBool,
+}
+
+impl Observer for StopAfter<'_> {
+    fn unit(&self, _: &crate::store::journal::Entry) {
+        if self.units.fetch_add(1, Ordering::Relaxed) + 1 >= self.after {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+#[test]
+fn an_interrupted_run_goes_on_where_it_stopped() {
+    let bench = Bench::new(&[12, 13, 14, 15]);
+    go(&bench.request("whole", many(3))).unwrap();
+    let mut request = bench.request("parts", many(3));
+    request.threads = 1;
+    let stop = AtomicBool::new(false);
+    let observer = StopAfter {
+        units: AtomicUsize::new(0),
+        after: 4,
+        stop: &stop,
+    };
+    match run(&request, &observer, &stop) {
+        Err(RunError::Interrupted { done, total }) => assert!((4..12).contains(&done) && total == 12),
+        other => panic!("{other:?}"),
+    }
+    let journal = Journal::read(&request.out.join("journal.jsonl")).unwrap();
+    let keys = crate::plan::plan::Keys::new(&request.plan().unwrap());
+    let ended = |unit: &Unit| journal.status(&keys.of(unit));
+    assert!(
+        request
+            .plan()
+            .unwrap()
+            .units()
+            .filter_map(|u| ended(&u))
+            .all(|s| s == EntryStatus::Ok)
+    );
+    let report = go(&request).unwrap();
+    assert_eq!(report.resumed, journal.len());
+    assert_eq!(files(&bench.dir.path().join("whole")), files(&request.out));
+}
+
+#[test]
+fn requests_that_cannot_work_are_refused_before_anything_is_written() {
+    let bench = Bench::new(&[5]);
+    assert!(matches!(
+        go(&bench.request("out", Vec::new())),
+        Err(RunError::Nothing(_))
+    ));
+    let mut none = bench.request("out", many(1));
+    none.sequences.clear();
+    assert!(matches!(go(&none), Err(RunError::Nothing(_))));
+    assert!(!none.out.exists());
+    let other = Bench::new(&[6]);
+    let mut both = bench.request("out", many(1));
+    both.sequences.extend(other.sequences.iter().cloned());
+    assert!(matches!(go(&both), Err(RunError::Ambiguous(_))));
+    both.sequences.truncate(1);
+    both.sequences.extend(bench.sequences.iter().cloned());
+    assert_eq!(go(&both).unwrap().units, 1);
+}
+
+#[test]
+fn a_timeout_fails_the_unit() {
+    let bench = Bench::new(&[5]);
+    let mut request = bench.request("out", many(1));
+    request.timeout = Some(std::time::Duration::from_nanos(1));
+    let report = go(&request).unwrap();
+    assert!(report.failed[0].1.contains("longer than"), "{:?}", report.failed);
+}

@@ -1,0 +1,440 @@
+//! A run directory: its lock, its atomic writes and its file names; and why a run may end early.
+
+use crate::plan::plan::{FrameLogs, Plan, Unit};
+use crate::plan::shard::fan;
+use crate::report::OutputError;
+use crate::store::lock::{self, Holder};
+use crate::store::{Durable, write_atomic};
+use serde_json::{Map, Value};
+use sha2::{Digest, Sha256};
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Files at the top of a run directory that a fresh start removes.
+const TOP_FILES: [&str; 9] = [
+    "run.json",
+    "truth.csv",
+    "summary.csv",
+    "sequences.csv",
+    "curves.csv",
+    "summary.json",
+    "success.svg",
+    "timing.csv",
+    "journal.jsonl",
+];
+
+/// Most entries of a folder.
+const FAN_OUT: usize = 10_000;
+
+/// Why a run could not be made, or did not get to its end.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// No tracker or no sequence was asked for.
+    #[error("nothing to run: {0}")]
+    Nothing(&'static str),
+    /// Two different sequences would write the same files.
+    #[error(
+        "two different sequences are both called {0}: give one of the data sets another folder name, or run them apart"
+    )]
+    Ambiguous(String),
+    /// A sequence cannot be evaluated.
+    #[error("{sequence}: {reason}")]
+    Sequence {
+        /// Data set and sequence.
+        sequence: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The directory holds other things.
+    #[error("{0} is neither empty nor a run directory: choose another --out")]
+    NotARunDirectory(PathBuf),
+    /// Another process writes to the directory.
+    #[error("{path} is locked by another run ({holder})", path = .path.display())]
+    Locked {
+        /// The run directory.
+        path: PathBuf,
+        /// Process, host and start time of the other run, as far as known.
+        holder: String,
+    },
+    /// The directory holds no run.
+    #[error("{path} is not a run directory: {reason}", path = .path.display())]
+    NoRun {
+        /// The directory.
+        path: PathBuf,
+        /// What is missing.
+        reason: String,
+    },
+    /// Directories of different runs.
+    #[error("{path} is of another run: {reason}", path = .path.display())]
+    Mismatch {
+        /// The directory.
+        path: PathBuf,
+        /// What differs.
+        reason: String,
+    },
+    /// Asked to stop by a signal; what was finished is kept.
+    #[error("stopped: {done} of {total} units done, nothing lost, run the same command again to go on")]
+    Interrupted {
+        /// Units with a result.
+        done: usize,
+        /// Units requested.
+        total: usize,
+    },
+    /// No space left; what was finished is kept.
+    #[error("no space left on the disk while writing {0}: nothing finished is lost, make room and run again")]
+    DiskFull(PathBuf),
+    /// A file cannot be read or written.
+    #[error("cannot read or write {path}: {source}; choose another --out", path = .path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A file written by a run cannot be read back.
+    #[error("{path}: damaged ({reason}), run again to replace it", path = .path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// Worker threads cannot be started.
+    #[error("cannot start worker threads: {0}")]
+    Threads(String),
+    /// The result files cannot be made.
+    #[error(transparent)]
+    Output(OutputError),
+}
+
+impl From<OutputError> for RunError {
+    fn from(error: OutputError) -> RunError {
+        match error {
+            OutputError::Io { path, source } => RunError::io(&path, source),
+            other => RunError::Output(other),
+        }
+    }
+}
+
+impl RunError {
+    /// Wraps an error of the system, telling a full disk from other failures.
+    pub fn io(path: &Path, source: io::Error) -> RunError {
+        match source.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+                RunError::DiskFull(path.to_path_buf())
+            }
+            _ => RunError::Io {
+                path: path.to_path_buf(),
+                source,
+            },
+        }
+    }
+}
+
+/// A run directory, held under its lock or just looked at.
+#[derive(Debug)]
+pub struct RunDir {
+    path: PathBuf,
+    lock: Option<File>,
+    logs: FrameLogs,
+    /// Trackers are spread over folders.
+    fan_trackers: bool,
+    /// Logs of a tracker on a data set are.
+    fan_logs: bool,
+}
+
+impl RunDir {
+    /// Creates or opens the directory at `path`, takes its lock and makes sure it can be written to. `fresh` removes
+    /// what an earlier run wrote there. Also returns who held the lock and died, if so.
+    ///
+    /// # Errors
+    /// The directory is locked, holds other things than a run, cannot be created or written to, or the disk is full.
+    pub fn open(path: &Path, fresh: bool) -> Result<(RunDir, Option<Holder>), RunError> {
+        fs::create_dir_all(path).map_err(|e| RunError::io(path, e))?;
+        let lock_path = path.join(".lock");
+        if !lock_path.exists() && !path.join("journal.jsonl").exists() && !path.join("run.json").exists() {
+            let mut others = fs::read_dir(path).map_err(|e| RunError::io(path, e))?;
+            if others.next().is_some() {
+                return Err(RunError::NotARunDirectory(path.to_path_buf()));
+            }
+        }
+        let (lock, dead) = lock::take(path, &lock_path)?;
+        let mut dir = RunDir::view(path);
+        dir.lock = Some(lock);
+        dir.sweep()?;
+        if fresh {
+            dir.clear()?;
+        }
+        Ok((dir, dead))
+    }
+
+    /// The directory at `path` to be read only, whoever holds it.
+    pub fn view(path: &Path) -> RunDir {
+        RunDir {
+            path: path.to_path_buf(),
+            lock: None,
+            logs: FrameLogs::Csv,
+            fan_trackers: false,
+            fan_logs: false,
+        }
+    }
+
+    /// Takes the places of frame logs from the plan. Folders that would get more than 10,000 entries are spread over
+    /// subfolders named by the first two digits of a hash.
+    pub fn lay_out(&mut self, plan: &Plan) {
+        let mut logs = std::collections::BTreeMap::<&str, usize>::new();
+        for unit in plan.passes() {
+            let sequence = &plan.sequences[unit.sequence as usize];
+            *logs.entry(&sequence.dataset).or_default() += 1;
+        }
+        self.logs = plan.frame_logs;
+        // One entry is the description of the tracker.
+        self.fan_trackers = plan.trackers.len() > FAN_OUT;
+        self.fan_logs = logs.values().any(|&n| n > FAN_OUT);
+    }
+
+    /// The plan and host stamp that `run.json` records.
+    ///
+    /// # Errors
+    /// There is none, or it is of another version of the program's formats.
+    pub fn plan(&self) -> Result<(Plan, Map<String, Value>), RunError> {
+        let no_run = |reason: String| RunError::NoRun {
+            path: self.path.clone(),
+            reason,
+        };
+        let path = self.path.join("run.json");
+        let bytes = match fs::read(&path) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Err(no_run("no run.json".into())),
+            other => other.map_err(|e| RunError::io(&path, e))?,
+        };
+        let mut value: Map<String, Value> =
+            serde_json::from_slice(&bytes).map_err(|e| no_run(format!("run.json: {e}")))?;
+        let host = match value.remove("host") {
+            Some(Value::Object(host)) => host,
+            _ => Map::new(),
+        };
+        match value.get("schema_version").and_then(Value::as_u64) {
+            Some(version) if version == u64::from(crate::plan::plan::SCHEMA_VERSION) => {}
+            _ => return Err(no_run("run.json is of another version of the program".into())),
+        }
+        let plan =
+            serde_json::from_value(Value::Object(value)).map_err(|e| no_run(format!("run.json: {e}")))?;
+        Ok((plan, host))
+    }
+
+    /// Removes temporary files that a killed run left at the top.
+    fn sweep(&self) -> Result<(), RunError> {
+        for entry in fs::read_dir(&self.path)
+            .map_err(|e| RunError::io(&self.path, e))?
+            .flatten()
+        {
+            if entry.file_name().to_string_lossy().ends_with(".tmp") {
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+        Ok(())
+    }
+
+    fn clear(&self) -> Result<(), RunError> {
+        let gone = |path: &Path, result: io::Result<()>| match result {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(RunError::io(path, e)),
+            _ => Ok(()),
+        };
+        // The journal goes first: without it nothing else counts, however far this gets.
+        for name in TOP_FILES.iter().rev() {
+            let path = self.path.join(name);
+            gone(&path, fs::remove_file(&path))?;
+        }
+        let frames = self.path.join("frames");
+        gone(&frames, fs::remove_dir_all(&frames))
+    }
+
+    /// The directory.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Path of the journal.
+    pub fn journal(&self) -> PathBuf {
+        self.path.join("journal.jsonl")
+    }
+
+    /// Path of the folder of a tracker's logs.
+    pub fn tracker_dir(&self, slug: &str) -> PathBuf {
+        let frames = self.path.join("frames");
+        match self.fan_trackers {
+            true => frames.join(fan(slug)).join(file_name(slug)),
+            false => frames.join(file_name(slug)),
+        }
+    }
+
+    /// Path of the frame log of a unit of `plan`: `sequence[@start][@course]`, where neither file names of sequences nor
+    /// those of courses have an `@`.
+    pub fn log(&self, plan: &Plan, unit: &Unit) -> PathBuf {
+        let tracker = &plan.trackers[unit.tracker as usize];
+        let sequence = &plan.sequences[unit.sequence as usize];
+        let mut name = file_name(&sequence.sequence);
+        if unit.start > 0 {
+            name += &format!("@{}", unit.start);
+        }
+        if let Some(course) = plan.course_name(unit) {
+            name += &format!("@{}", course.replace(':', "-"));
+        }
+        let name = format!("{name}.{}", self.logs.extension());
+        let folder = self.tracker_dir(&tracker.slug).join(file_name(&sequence.dataset));
+        match self.fan_logs {
+            true => folder.join(fan(&name)).join(name),
+            false => folder.join(name),
+        }
+    }
+
+    /// Writes `path` durably, unless it has these bytes already.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+        self.put(path, bytes, Durable::Now)
+    }
+
+    /// Writes `path`, unless it has these bytes already.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn put(&self, path: &Path, bytes: &[u8], durable: Durable) -> Result<(), RunError> {
+        if fs::read(path).is_ok_and(|old| old == bytes) {
+            return Ok(());
+        }
+        write_atomic(path, durable, |w| w.write_all(bytes)).map_err(|e| RunError::io(path, e))
+    }
+}
+
+impl Drop for RunDir {
+    fn drop(&mut self) {
+        if let Some(lock) = &self.lock {
+            // The file stays (removing a lock file is a race) but says nothing any more.
+            let _ = lock.set_len(0);
+            let _ = lock.unlock();
+        }
+    }
+}
+
+/// `name` as one component of a path: letters, digits and `-_.,+=` stay, the rest becomes `_` and a hash of the name is
+/// added so that two names never share a file.
+pub fn file_name(name: &str) -> String {
+    const LONGEST: usize = 120;
+    let kept: String = name
+        .chars()
+        .enumerate()
+        .map(|(i, c)| match c {
+            '.' if i > 0 => c,
+            c if c.is_alphanumeric() || "-_,+=".contains(c) => c,
+            _ => '_',
+        })
+        .collect();
+    if kept == name && !name.is_empty() && name.len() <= LONGEST {
+        return kept;
+    }
+    let short: String = kept.chars().take(LONGEST / 4).collect();
+    format!("{short}-{}", &hex(&Sha256::digest(name.as_bytes()))[..8])
+}
+
+/// Lower-case hexadecimal.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    use std::fmt::Write as _;
+    bytes.iter().fold(String::new(), |mut s, b| {
+        let _ = write!(s, "{b:02x}");
+        s
+    })
+}
+
+/// SHA-256 of a file's bytes, hexadecimal.
+pub fn digest(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+/// Name of this machine.
+pub fn host_name() -> String {
+    fs::read_to_string("/proc/sys/kernel/hostname")
+        .ok()
+        .or_else(|| std::env::var("HOSTNAME").ok())
+        .or_else(|| std::env::var("COMPUTERNAME").ok())
+        .map(|s| s.trim().to_string())
+        .filter(|s| !s.is_empty())
+        .unwrap_or_else(|| "unknown host".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn file_names_are_safe_and_distinct() {
+        assert_eq!(file_name("nl_bookI_s3"), "nl_bookI_s3");
+        assert_eq!(file_name("esm_ssd+gb_affine{max_iters=50}").len(), 30 + 9);
+        for bad in ["", ".", "..", "a/b", "../x", ".hidden", "a b", &"x".repeat(300)] {
+            let name = file_name(bad);
+            assert!(
+                !name.contains('/') && !name.starts_with('.') && !name.is_empty() && name.len() < 140,
+                "{name}"
+            );
+        }
+        assert_ne!(file_name("a/b"), file_name("a_b"));
+        assert_ne!(file_name("a/b"), file_name("a:b"));
+    }
+
+    #[test]
+    fn a_second_opener_learns_who_holds_the_lock() {
+        let dir = tempfile::tempdir().unwrap();
+        let (held, dead) = RunDir::open(dir.path(), false).unwrap();
+        assert!(dead.is_none());
+        match RunDir::open(dir.path(), false) {
+            Err(RunError::Locked { holder, .. }) => {
+                let pid = format!("pid {}", std::process::id());
+                assert!(holder.contains(&pid), "{holder}")
+            }
+            other => panic!("{other:?}"),
+        }
+        drop(held);
+        assert!(RunDir::open(dir.path(), false).is_ok());
+    }
+
+    #[test]
+    fn logs_have_a_place_of_their_own() {
+        let starts = vec![vec![0, 3], vec![3]];
+        let plan = serde_json::json!({
+            "schema_version": 1, "tool": "t", "version": "1", "protocol": "reinit:2.5:5,subseq:2", "seed": 0,
+            "pre": "none", "frame_logs": "csv",
+            "trackers": [{"id": "a", "sm": "", "am": "", "ssm": "", "ilm": "", "slug": "a", "parameters": null}],
+            "sequences": [
+                {"dataset": "d", "sequence": "s", "frames": 9, "starts": starts, "fingerprint": ""}
+            ],
+        });
+        let plan: Plan = serde_json::from_value(plan).unwrap();
+        let mut dir = RunDir::view(Path::new("out"));
+        let logs = |dir: &RunDir| -> Vec<String> {
+            let log = |unit: Unit| dir.log(&plan, &unit).to_string_lossy().into_owned();
+            plan.units().map(log).collect()
+        };
+        let names = ["s@reinit-2.5-5.csv", "s@3@reinit-2.5-5.csv", "s@3.csv"];
+        assert_eq!(logs(&dir), names.map(|n| format!("out/frames/a/d/{n}")));
+        dir.fan_trackers = true;
+        assert_eq!(logs(&dir)[2], "out/frames/ca/a/d/s@3.csv");
+        dir.fan_logs = true;
+        assert_eq!(
+            logs(&dir)[2],
+            format!("out/frames/ca/a/d/{}/s@3.csv", fan("s@3.csv"))
+        );
+    }
+
+    #[test]
+    fn other_peoples_folders_are_left_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("thesis.tex"), "x").unwrap();
+        assert!(matches!(
+            RunDir::open(dir.path(), true),
+            Err(RunError::NotARunDirectory(_))
+        ));
+        assert!(dir.path().join("thesis.tex").exists());
+    }
+}
