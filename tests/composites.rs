@@ -1,10 +1,8 @@
 //! Grids of points and of trackers, straight lines and key points, on scenes made of the textures the crate draws.
 
-use mtf::compose::{
-    FeatureParams, FeatureTracker, Grid, GridReset, KltGrid, LineParams, LineTracker, NodeParams, PatchParams,
-};
+use mtf::compose::{Grid, GridReset, KltGrid, LineParams, LineTracker, NodeParams, PatchParams};
 use mtf::estimate::{EstimateMethod, EstimatorParams};
-use mtf::features::MatchParams;
+use mtf::features::{FeatureParams, FeatureTracker, MatchParams};
 use mtf::flow::KltParams;
 use mtf::geom::{Corners, Mat3, homography};
 use mtf::image::{Frame, Image};

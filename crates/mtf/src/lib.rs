@@ -2,6 +2,7 @@
 #![deny(missing_docs)]
 
 pub mod am;
+pub mod best;
 pub mod compose;
 pub mod diagnose;
 pub mod estimate;

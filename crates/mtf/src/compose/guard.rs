@@ -38,7 +38,7 @@ pub struct Guard {
 
 impl Guard {
     /// From the tracker and, if there is one, a detector: a tracker that searches for the first frame's object wherever it
-    /// is, such as [`FeatureTracker`](super::FeatureTracker).
+    /// is, such as [`FeatureTracker`](crate::features::FeatureTracker).
     pub fn new(params: GuardParams, tracker: Box<dyn Tracker>, detector: Option<Box<dyn Tracker>>) -> Self {
         let sampling = SamplingParams {
             res: Resolution {

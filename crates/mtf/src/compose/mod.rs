@@ -3,9 +3,7 @@
 //! One file per kind; [`COMPOSITES`] is the table that names them, [`SHORT`] the search methods that are composites of
 //! others. May depend on everything below `registry`.
 
-mod best;
 mod cascade;
-mod feature;
 mod grid;
 mod guard;
 mod history;
@@ -16,9 +14,7 @@ mod parallel;
 mod pyramid;
 mod rklt;
 
-pub use best::{Best, BestParams};
 pub use cascade::{Cascade, CascadeParams};
-pub use feature::{Detection, FeatureParams, FeatureTracker};
 pub use grid::{Grid, GridReset, PatchParams};
 pub use guard::{Guard, GuardParams};
 pub use klt_grid::KltGrid;
@@ -29,7 +25,7 @@ pub use pyramid::{Pyramid, PyramidParams};
 pub use rklt::{Rklt, RkltParams};
 
 use crate::estimate::EstimatorParams;
-use crate::features::MatchParams;
+use crate::features::{FeatureParams, FeatureTracker, MatchParams};
 use crate::flow::KltParams;
 use crate::params::{Assignment, Built, ParamInfo, Params};
 use crate::ssm::SsmName;
@@ -77,7 +73,7 @@ pub struct CompositeEntry {
 }
 
 impl CompositeEntry {
-    const fn of<P: Params>(
+    pub(crate) const fn of<P: Params>(
         name: &'static str,
         aliases: &'static [&'static str],
         summary: &'static str,
@@ -199,13 +195,6 @@ pub const COMPOSITES: &[CompositeEntry] = &[
                 warp.ssm.build(),
             )))
         },
-    ),
-    CompositeEntry::of::<BestParams>(
-        "best",
-        &[],
-        "alignment to the template by blocks, from motion, flow, a coarse search or key points, whichever agrees",
-        0..=0,
-        |p, _| Ok(Box::new(Best::new(params(p)?))),
     ),
 ];
 

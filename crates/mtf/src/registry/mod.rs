@@ -15,6 +15,7 @@ pub use names::suggest;
 pub use spec::TrackerSpec;
 
 use crate::am::{AMS, AmEntry, AmModel};
+use crate::best;
 use crate::compose::{COMPOSITES, CompositeEntry, SHORT, ShortEntry};
 use crate::ilm::{ILMS, IlmEntry, IlmModel};
 use crate::params::ParamError;
@@ -139,7 +140,7 @@ impl Registry {
             ams: AMS.to_vec(),
             ssms: SSMS.to_vec(),
             ilms: ILMS.to_vec(),
-            composites: COMPOSITES.to_vec(),
+            composites: COMPOSITES.iter().chain([&best::ENTRY]).cloned().collect(),
             short: SHORT.to_vec(),
         }
     }

@@ -1,7 +1,7 @@
 //! Robust Gauss-Newton steps at one level of the pyramid.
 
 use super::Aligner;
-use crate::compose::best::view::{IMAGE, ONES, TEMPLATE, WARP, plane};
+use crate::best::view::{IMAGE, ONES, TEMPLATE, WARP, plane};
 use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::geom::{Mat3, homography};
 use crate::image::Frame;

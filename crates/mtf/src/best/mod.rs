@@ -7,19 +7,21 @@
 //! if the others are covered or outside the image.
 
 mod align;
+mod entry;
 mod scan;
 mod seek;
 mod smear;
 mod view;
 
-use super::feature::{FeatureParams, FeatureTracker};
 use crate::estimate::{EstimateMethod, Estimator, EstimatorParams};
-use crate::features::MatchParams;
+use crate::features::{FeatureParams, FeatureTracker, MatchParams};
 use crate::flow::{Klt, KltParams};
 use crate::geom::{Corners, Mat3, homography};
 use crate::image::Frame;
 use crate::ssm::Homography;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
+pub use entry::ENTRY;
+
 use align::{Aligner, Score};
 use scan::{Found, Scanner};
 use std::collections::VecDeque;

@@ -1,7 +1,7 @@
 //! How well the template agrees with an image at a pose, block by block.
 
 use super::Aligner;
-use crate::compose::best::view::{TEMPLATE, plane};
+use crate::best::view::{TEMPLATE, plane};
 use crate::geom::Mat3;
 use crate::image::{Frame, Image};
 use crate::kernels::{self, Border};
@@ -14,7 +14,7 @@ const FLAT: f64 = 0.05;
 const AGREES: f64 = 0.7;
 /// How well the template agrees with the image at a pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(in crate::compose::best) struct Score {
+pub(in crate::best) struct Score {
     /// Sum of the cubed correlations of the textured blocks inside the image, negative ones as 0, per such block;
     /// blocks outside count for a third of one.
     pub total: f64,
