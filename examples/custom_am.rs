@@ -6,7 +6,8 @@
 //!
 //! `cargo run --release --example custom_am`
 
-use mtf::am::{AmModel, AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use mtf::am::{AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use mtf::entry::Part;
 use mtf::geom::solve::SymMatrix;
 use mtf::kernels::Jacobian;
 use mtf_eval::plan::plan::FrameLogs;
@@ -56,7 +57,7 @@ impl GemanMcClure {
     }
 }
 
-impl AmModel for GemanMcClure {
+impl Part for GemanMcClure {
     type Params = GemanMcClureParams;
     const NAME: &'static str = "gmc";
     const SUMMARY: &'static str = "SSD with the Geman-McClure loss";

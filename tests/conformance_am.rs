@@ -278,6 +278,7 @@ fn centred_gradients_vanish_at_equal_patches_and_turn_with_the_mixed_derivative(
         }
         // Whatever else the plain assignments hold fixed is held here too.
         let assignments: Vec<_> = entry
+            .family
             .plain
             .iter()
             .map(|&(k, v)| (k, if k == "centred" { "1" } else { v }))
@@ -285,7 +286,7 @@ fn centred_gradients_vanish_at_equal_patches_and_turn_with_the_mixed_derivative(
         for (channels, seed) in [(1, 10), (1, 11), (3, 12)] {
             let pair = pair(channels, seed);
             let mut am = (entry.build)(&assignments).unwrap();
-            let mut plain = (entry.build)(entry.plain).unwrap();
+            let mut plain = (entry.build)(entry.family.plain).unwrap();
             let gradient = |am: &mut dyn AppearanceModel, template: &[f32], current: &[f32], side: Side| {
                 am.set_template(pair.shape, template).unwrap();
                 am.set_current(current);

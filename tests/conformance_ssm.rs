@@ -4,12 +4,13 @@
 mod common;
 
 use mtf::diagnose;
+use mtf::entry::Part;
 use mtf::geom::{Corners, Mat3, homography};
 use mtf::params::Resolution;
 use mtf::ssm::{
     Affine, Asrt, Ast, Cbh, Homography, Increment, Isometry, Ist, LieAffine, LieHomography, LieIsometry,
-    Projective, ProjectiveModel, SSMS, Similitude, Sl3, Spline, SsmEntry, SsmModel, StateSpaceModel, Tps,
-    Translation, fit_truth,
+    Projective, ProjectiveModel, SSMS, Similitude, Sl3, Spline, SsmEntry, StateSpaceModel, Tps, Translation,
+    fit_truth,
 };
 use rand::RngExt;
 use rand_pcg::Pcg64;
@@ -171,7 +172,7 @@ fn battery<W: ProjectiveModel>() {
 }
 
 /// What holds for warps that are linear in their state and do not compose.
-fn linear_battery<S: SsmModel + Default>() {
+fn linear_battery<S: StateSpaceModel + Part + Default>() {
     let mut r = common::rng(7);
     let mut ssm = S::default();
     ssm.init(&quad(), RES).unwrap();

@@ -34,8 +34,9 @@ fn without_the_feature_a_network_is_refused_with_its_name() {
 #[cfg(feature = "onnx")]
 mod with_networks {
     use super::*;
-    use mtf::am::{AmModel, AppearanceModel, Dfm, DfmParams, Network, NetworkError, PatchShape, Side};
+    use mtf::am::{AppearanceModel, Dfm, DfmParams, Network, NetworkError, PatchShape, Side};
     use mtf::diagnose::Waves;
+    use mtf::entry::Part;
     use mtf::geom::{Corners, Mat3, homography};
     use mtf::image::{Frame, Image};
     use mtf::kernels::{self, Jacobian};

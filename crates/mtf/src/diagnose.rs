@@ -110,7 +110,7 @@ pub fn appearance(
     dof: usize,
     seed: u64,
 ) -> Result<Vec<Check>, DiagnoseError> {
-    appearance_with(entry, entry.plain, pair, dof, seed)
+    appearance_with(entry, entry.family.plain, pair, dof, seed)
 }
 
 /// The same of a model with parameters that differ from the defaults.
@@ -572,7 +572,7 @@ pub fn chain(
     };
     let subject = format!("{}{light}/{}", am.name, ssm.name);
     let error = failed(&subject);
-    let mut chain = Chain::new(am, am.plain, ssm, ilm, images, corners, res)?;
+    let mut chain = Chain::new(am, am.family.plain, ssm, ilm, images, corners, res)?;
     if !chain.am.capabilities().derivatives {
         return Ok(Vec::new());
     }

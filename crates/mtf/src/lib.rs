@@ -5,6 +5,7 @@ pub mod am;
 pub mod best;
 pub mod compose;
 pub mod diagnose;
+pub mod entry;
 pub mod estimate;
 pub mod expr;
 pub mod features;

@@ -14,7 +14,8 @@
 
 use super::bank::OrientedBank;
 use super::network::Network;
-use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::tracker::TrackError;
@@ -220,7 +221,7 @@ impl Dfm {
     }
 }
 
-impl AmModel for Dfm {
+impl Part for Dfm {
     type Params = DfmParams;
     const NAME: &'static str = "dfm";
     const SUMMARY: &'static str = "SSD of standardised feature maps, of derivative filters or a network";

@@ -15,11 +15,12 @@
 //!
 //! Pixels are counted once, in the tiles into which the regions' borders divide the patch.
 
-use super::{AmModel, AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use super::{AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::hist::{self, SPLINE, SUPPORT, TABLES, TERMS, Window};
 use crate::kernels::{self, Jacobian};
-use crate::params::{Assignment, Params};
+use crate::params::Params;
 use crate::tracker::TrackError;
 use std::cell::RefCell;
 use std::ops::Range;
@@ -334,11 +335,10 @@ impl<K: DivergenceKind> Divergence<K> {
     }
 }
 
-impl<K: DivergenceKind> AmModel for Divergence<K> {
+impl<K: DivergenceKind> Part for Divergence<K> {
     type Params = K::Params;
     const NAME: &'static str = K::NAME;
     const SUMMARY: &'static str = K::SUMMARY;
-    const PLAIN: &'static [Assignment<'static>] = &[("damping", "0")];
     fn new(params: K::Params) -> Self {
         Divergence {
             settings: K::settings(&params),

@@ -31,11 +31,12 @@
 mod joint;
 mod sums;
 
-use super::{AmModel, AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use super::{AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::hist::{self, SPLINE, SUPPORT, Window};
 use crate::kernels::{self, Jacobian};
-use crate::params::{Assignment, Params};
+use crate::params::Params;
 use crate::tracker::TrackError;
 use joint::{Joint, Pair, self_joint, window};
 use std::cell::RefCell;
@@ -300,11 +301,10 @@ impl<K: Kind> Information<K> {
     }
 }
 
-impl<K: Kind> AmModel for Information<K> {
+impl<K: Kind> Part for Information<K> {
     type Params = K::Params;
     const NAME: &'static str = K::NAME;
     const SUMMARY: &'static str = K::SUMMARY;
-    const PLAIN: &'static [Assignment<'static>] = &[("centred", "0")];
     fn new(params: K::Params) -> Self {
         Information {
             settings: K::settings(&params),

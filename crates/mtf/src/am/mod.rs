@@ -67,9 +67,10 @@ pub use ssim::Ssim;
 pub use sum::Sum;
 pub use zncc::Zncc;
 
+use crate::entry::{Build, Entry, Family, Part};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
-use crate::params::{Assignment, Built, ParamInfo, Params, Resolution};
+use crate::params::{Assignment, Params, Resolution};
 use crate::tracker::TrackError;
 use dyn_clone::DynClone;
 
@@ -88,11 +89,11 @@ pub const AMS: &[AmEntry] = &[
     AmEntry::of::<Lscv>(),
     AmEntry::of::<Lrscv>(),
     AmEntry::of::<Pca>(),
-    AmEntry::of::<Mi>(),
-    AmEntry::of::<Ccre>(),
-    AmEntry::of::<Kld>(),
-    AmEntry::of::<Lkld>(),
-    AmEntry::of::<Ngf>(),
+    AmEntry::of::<Mi>().plain_with(&[("centred", "0")]),
+    AmEntry::of::<Ccre>().plain_with(&[("centred", "0")]),
+    AmEntry::of::<Kld>().plain_with(&[("damping", "0")]),
+    AmEntry::of::<Lkld>().plain_with(&[("damping", "0")]),
+    AmEntry::of::<Ngf>().plain_with(&[("centred", "0"), ("ngf_eta", "20")]),
     AmEntry::of::<Sum>(),
     AmEntry::of::<Dfm>(),
 ];
@@ -387,53 +388,34 @@ impl AppearanceModel for Box<dyn AppearanceModel> {
     }
 }
 
-/// A model that can be listed and built by name.
-pub trait AmModel: AppearanceModel + Sized + 'static {
-    /// Its parameters.
-    type Params: Params;
-    /// Name, lower case, as in the literature.
-    const NAME: &'static str;
-    /// Other names users may type.
-    const ALIASES: &'static [&'static str] = &[];
-    /// One line for `list am`.
-    const SUMMARY: &'static str;
-    /// Assignments under which its derivatives are those of [`reference`](AppearanceModel::reference), and nothing in it
-    /// depends on the template but the template itself. Empty where that is so by default.
-    const PLAIN: &'static [Assignment<'static>] = &[];
-    /// Builds it.
-    fn new(params: Self::Params) -> Self;
+/// The family of appearance models.
+#[derive(Clone, Copy, Debug)]
+pub struct AmFamily {
+    /// Assignments under which the derivatives are those of [`reference`](AppearanceModel::reference), and nothing in the
+    /// model depends on the template but the template itself. Empty where that is so by default.
+    pub plain: &'static [Assignment<'static>],
+}
+
+impl Family for AmFamily {
+    type Build = Build<Box<dyn AppearanceModel>>;
+    const ROLE: &'static str = "appearance model";
 }
 
 /// A row of the table of appearance models.
-#[derive(Clone)]
-pub struct AmEntry {
-    /// Name.
-    pub name: &'static str,
-    /// Other names.
-    pub aliases: &'static [&'static str],
-    /// One-line description.
-    pub summary: &'static str,
-    /// Parameters.
-    pub params: fn() -> Vec<ParamInfo>,
-    /// Assignments under which the derivatives are those of the reference function ([`AmModel::PLAIN`]).
-    pub plain: &'static [Assignment<'static>],
-    /// Builds the model from `(name, value)` assignments.
-    pub build: fn(&[Assignment<'_>]) -> Built<Box<dyn AppearanceModel>>,
-    /// Canonical text of a parameter after the assignments.
-    pub canonical: fn(&[Assignment<'_>], &str) -> Built<Option<String>>,
-}
+pub type AmEntry = Entry<AmFamily>;
 
 impl AmEntry {
     /// The entry of model `M`.
-    pub const fn of<M: AmModel>() -> Self {
-        AmEntry {
-            name: M::NAME,
-            aliases: M::ALIASES,
-            summary: M::SUMMARY,
-            params: <M::Params as Params>::info,
-            plain: M::PLAIN,
-            build: |a| Ok(Box::new(M::new(M::Params::from_assignments(a)?))),
-            canonical: |a, name| Ok(M::Params::from_assignments(a)?.get(name)),
-        }
+    pub const fn of<M: AppearanceModel + Part>() -> Self {
+        Entry::of_part::<M>(
+            |a| Ok(Box::new(M::new(M::Params::from_assignments(a)?))),
+            AmFamily { plain: &[] },
+        )
+    }
+
+    /// The same with assignments under which its derivatives can be checked ([`AmFamily::plain`]).
+    pub const fn plain_with(mut self, plain: &'static [Assignment<'static>]) -> Self {
+        self.family.plain = plain;
+        self
     }
 }

@@ -10,7 +10,8 @@
 
 use super::robust::{NOISE, Robust, Weights};
 use super::zncc::{Correlator, standardise};
-use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::tracker::TrackError;
@@ -124,7 +125,7 @@ impl Ncc {
     }
 }
 
-impl AmModel for Ncc {
+impl Part for Ncc {
     type Params = NccParams;
     const NAME: &'static str = "ncc";
     const SUMMARY: &'static str = "normalised cross-correlation, exact derivatives";

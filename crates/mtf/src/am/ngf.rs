@@ -13,11 +13,12 @@
 //! Hessians of a side are `-J' (d²f/dI dT) J` at the side's own patch twice. Exact on sharp images; the basin is a few
 //! sampling steps.
 
-use super::{AmModel, AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use super::{AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::stencil::{self, patch_gradient, patch_gradient_adjoint};
 use crate::kernels::{self, Jacobian};
-use crate::params::{Assignment, Resolution};
+use crate::params::Resolution;
 use crate::tracker::TrackError;
 
 crate::params! {
@@ -157,11 +158,10 @@ fn mean_gradient(gx: &[f32], gy: &[f32]) -> f64 {
     sum / gx.len() as f64
 }
 
-impl AmModel for Ngf {
+impl Part for Ngf {
     type Params = NgfParams;
     const NAME: &'static str = "ngf";
     const SUMMARY: &'static str = "normalised gradient fields, centred gradients";
-    const PLAIN: &'static [Assignment<'static>] = &[("centred", "0"), ("ngf_eta", "20")];
     fn new(params: NgfParams) -> Self {
         Ngf {
             params,

@@ -6,7 +6,8 @@
 
 use super::robust::{NOISE, Robust, Weights};
 use super::ssd::{least_squares, scaled_gram, weigh};
-use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::tracker::TrackError;
@@ -51,7 +52,7 @@ impl Nssd {
     }
 }
 
-impl AmModel for Nssd {
+impl Part for Nssd {
     type Params = NssdParams;
     const NAME: &'static str = "nssd";
     const SUMMARY: &'static str = "sum of squared differences of patches scaled to a range";

@@ -12,7 +12,8 @@
 //! `[φ U Σ, B - µ_B, sqrt(n_s m/(n_s + m)) (µ_B - µ)]`, found from the eigenvectors of its small Gram matrix;
 //! `µ <- (φ n_s µ + m µ_B)/(φ n_s + m)`, `n_s <- φ n_s + m`.
 
-use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::tracker::TrackError;
@@ -158,7 +159,7 @@ impl Pca {
     }
 }
 
-impl AmModel for Pca {
+impl Part for Pca {
     type Params = PcaParams;
     const NAME: &'static str = "pca";
     const SUMMARY: &'static str = "distance to a subspace learned while tracking";

@@ -10,7 +10,8 @@
 //!
 //! Dark pixels weigh most, so a small `κ` makes them, and their noise, decide; hence its default (the original's is 1).
 
-use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::tracker::TrackError;
@@ -154,7 +155,7 @@ fn uniformity(sum: f64, ratio: &[f32], deviation: &mut [f32]) -> (f64, f64) {
     (squares / (n * mean), mean)
 }
 
-impl AmModel for Riu {
+impl Part for Riu {
     type Params = RiuParams;
     const NAME: &'static str = "riu";
     const SUMMARY: &'static str = "ratio image uniformity";

@@ -3,7 +3,8 @@
 //! Without derivatives (`f` has none where a difference is zero), so for sampling methods only. Likelihood
 //! `exp(alpha f/n)`; the distance is the L1 norm.
 
-use super::{AmModel, AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use super::{AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::tracker::TrackError;
@@ -24,7 +25,7 @@ pub struct Sad {
     sad: f64,
 }
 
-impl AmModel for Sad {
+impl Part for Sad {
     type Params = SadParams;
     const NAME: &'static str = "sad";
     const SUMMARY: &'static str = "sum of absolute differences; no derivatives";

@@ -19,7 +19,8 @@
 //! `df/da = -s e`, Hessians `-Id` and `-diag(s²)`; the slope `s` is one, or that of the map with `mapped_gradient`.
 
 use super::tone::{Settings, Shape, ToneMap};
-use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::params::Params;
@@ -217,7 +218,7 @@ impl<V: Variant> ConditionalVariance<V> {
     }
 }
 
-impl<V: Variant> AmModel for ConditionalVariance<V> {
+impl<V: Variant> Part for ConditionalVariance<V> {
     type Params = V::Params;
     const NAME: &'static str = V::NAME;
     const ALIASES: &'static [&'static str] = V::ALIASES;

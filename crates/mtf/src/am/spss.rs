@@ -6,7 +6,8 @@
 //! a small `k` (the original's is 0.01) lets the noise of dark pixels decide; hence its default.
 //! Losses `1 - f_i = (T_i - I_i)²/D_i` are kept instead of `f_i`: they lose no digits near alignment.
 
-use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::tracker::TrackError;
@@ -61,7 +62,7 @@ impl Spss {
     }
 }
 
-impl AmModel for Spss {
+impl Part for Spss {
     type Params = SpssParams;
     const NAME: &'static str = "spss";
     const SUMMARY: &'static str = "sum of pixelwise structural similarity";

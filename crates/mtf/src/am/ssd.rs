@@ -4,7 +4,8 @@
 //! loss or a mask values have weights `w`: `-w e`, `w e`, `-J' diag(w) J`, see [`super::Robust`].
 
 use super::robust::{NOISE, Robust, Weights};
-use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::tracker::TrackError;
@@ -31,7 +32,7 @@ pub struct Ssd {
     weights: Weights,
 }
 
-impl AmModel for Ssd {
+impl Part for Ssd {
     type Params = SsdParams;
     const NAME: &'static str = "ssd";
     const SUMMARY: &'static str = "sum of squared differences";

@@ -12,7 +12,8 @@
 //! self Hessian `-(2/((n-1) D)) P - (2/(n² C)) 11ᵀ` with `C = 2 µ² + c1`, `D = 2 σ² + c2` of one patch. The template
 //! side swaps the roles. All of it needs only `J'J` and `J'1`, `J'u`, `J'v`.
 
-use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::tracker::TrackError;
@@ -173,7 +174,7 @@ impl Ssim {
     }
 }
 
-impl AmModel for Ssim {
+impl Part for Ssim {
     type Params = SsimParams;
     const NAME: &'static str = "ssim";
     const SUMMARY: &'static str = "structural similarity of whole patches";

@@ -8,7 +8,8 @@
 //! `-f_j` does between the template and a distorted copy; members whose distance is an affine function of their `f` (all
 //! correlation and difference measures) are then ordered exactly as the sum orders them.
 
-use super::{AMS, AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{AMS, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::Jacobian;
 use crate::params::ParamValue;
@@ -32,8 +33,7 @@ impl Member {
 impl ParamValue for Member {
     fn parse(text: &str) -> Option<Self> {
         let text = text.to_ascii_lowercase();
-        let known = |e: &&super::AmEntry| e.name == text || e.aliases.contains(&text.as_str());
-        let entry = AMS.iter().find(known)?;
+        let entry = AMS.iter().find(|e| e.is_called(&text))?;
         (entry.name != Sum::NAME).then_some(Member(entry.name))
     }
     fn text(&self) -> String {
@@ -55,7 +55,7 @@ crate::params! {
 }
 
 #[derive(Clone)]
-struct Part {
+struct Addend {
     am: Box<dyn AppearanceModel>,
     /// `ω`.
     weight: f64,
@@ -66,18 +66,18 @@ struct Part {
 /// Weighted sum of two appearance models.
 #[derive(Clone)]
 pub struct Sum {
-    parts: [Part; 2],
+    parts: [Addend; 2],
     scratch: Vec<f32>,
     normal: Normal,
 }
 
-impl AmModel for Sum {
+impl Part for Sum {
     type Params = SumParams;
     const NAME: &'static str = "sum";
     const ALIASES: &'static [&'static str] = &["sumofams"];
     const SUMMARY: &'static str = "weighted sum of two models (am1, am2)";
     fn new(params: SumParams) -> Self {
-        let part = |m: Member| Part {
+        let part = |m: Member| Addend {
             am: m.build(),
             weight: 1.0,
             distance: 1.0,

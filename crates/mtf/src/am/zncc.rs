@@ -10,7 +10,8 @@
 
 use super::robust::{NOISE, Robust, Weights};
 use super::ssd::{least_squares, scaled_gram, weigh};
-use super::{AmModel, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::tracker::TrackError;
@@ -123,7 +124,7 @@ impl Zncc {
     }
 }
 
-impl AmModel for Zncc {
+impl Part for Zncc {
     type Params = ZnccParams;
     const NAME: &'static str = "zncc";
     const SUMMARY: &'static str = "zero-mean normalised cross-correlation: SSD of standardised patches";

@@ -32,7 +32,7 @@ pub fn illumination(
     seed: u64,
 ) -> Result<Vec<Check>, DiagnoseError> {
     let subject = format!("{}+{}", am.name, ilm.name);
-    let mut model = (am.build)(am.plain)?;
+    let mut model = (am.build)(am.family.plain)?;
     let Some(mut light) = (ilm.build)(&[])?.filter(|_| model.capabilities().derivatives) else {
         return Ok(Vec::new());
     };

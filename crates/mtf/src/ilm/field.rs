@@ -9,8 +9,9 @@
 //! A multiplicative increment inside the map, `a <- a + (1 + a) Δa` with `dg/da` scaled likewise, yields the same iterates
 //! and is not offered apart.
 
-use super::{IlluminationModel, IlmModel};
+use super::IlluminationModel;
 use crate::am::PatchShape;
+use crate::entry::Part;
 use crate::kernels::{self, Jacobian};
 use crate::params::{Params, Resolution};
 use crate::tracker::TrackError;
@@ -28,8 +29,6 @@ pub trait GainBasis: Send + Sized + 'static {
     const ALIASES: &'static [&'static str] = &[];
     /// One line for `list ilm`.
     const SUMMARY: &'static str;
-    /// It has one gain.
-    const GLOBAL: bool = false;
     /// Builds it.
     fn new(params: Self::Params) -> Self;
     /// `w_j` of each gain, points of the grid row by row; they sum to one at every point. Fails when the grid is too
@@ -216,12 +215,11 @@ impl<B: GainBasis> IlluminationModel for GainField<B> {
     }
 }
 
-impl<B: GainBasis> IlmModel for GainField<B> {
+impl<B: GainBasis> Part for GainField<B> {
     type Params = B::Params;
     const NAME: &'static str = B::NAME;
     const ALIASES: &'static [&'static str] = B::ALIASES;
     const SUMMARY: &'static str = B::SUMMARY;
-    const GLOBAL: bool = B::GLOBAL;
     fn new(params: B::Params) -> Self {
         Self::with_params(params)
     }

@@ -12,7 +12,6 @@ impl GainBasis for GbBasis {
     type Params = NoParams;
     const NAME: &'static str = "gb";
     const SUMMARY: &'static str = "gain and bias of the whole patch";
-    const GLOBAL: bool = true;
     fn new(_: NoParams) -> Self {
         GbBasis
     }

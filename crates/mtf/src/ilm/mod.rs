@@ -36,14 +36,15 @@ pub type Pgb = GainField<PgbBasis>;
 pub type Rbf = GainField<RbfBasis>;
 
 use crate::am::PatchShape;
+use crate::entry::{Build, Entry, Family, Part};
 use crate::kernels::Jacobian;
-use crate::params::{Assignment, Built, ParamInfo, Params};
+use crate::params::{NoParams, Params};
 use crate::tracker::TrackError;
 
 /// Every illumination model of the crate, in the order of the documentation; the first stands for having none.
 pub const ILMS: &[IlmEntry] = &[
     IlmEntry::NONE,
-    IlmEntry::of::<Gb>(),
+    IlmEntry::of::<Gb>().global(),
     IlmEntry::of::<Pgb>(),
     IlmEntry::of::<Rbf>(),
 ];
@@ -106,64 +107,44 @@ pub trait IlluminationModel: Send {
     fn memory(&self) -> usize;
 }
 
-/// An illumination model that can be listed and built by name.
-pub trait IlmModel: IlluminationModel + Sized + 'static {
-    /// Its parameters.
-    type Params: Params;
-    /// Name, lower case.
-    const NAME: &'static str;
-    /// Other names users may type.
-    const ALIASES: &'static [&'static str] = &[];
-    /// One line for `list ilm`.
-    const SUMMARY: &'static str;
+/// The family of illumination models.
+#[derive(Clone, Copy, Debug)]
+pub struct IlmFamily {
     /// It is a gain and a bias of the whole patch and nothing else.
-    const GLOBAL: bool = false;
-    /// Builds it.
-    fn new(params: Self::Params) -> Self;
+    pub global: bool,
+}
+
+impl Family for IlmFamily {
+    /// `None` for no model.
+    type Build = Build<Option<Box<dyn IlluminationModel>>>;
+    const ROLE: &'static str = "illumination model";
 }
 
 /// A row of the table of illumination models.
-#[derive(Clone)]
-pub struct IlmEntry {
-    /// Name.
-    pub name: &'static str,
-    /// Other names.
-    pub aliases: &'static [&'static str],
-    /// One-line description.
-    pub summary: &'static str,
-    /// It is a gain and a bias of the whole patch and nothing else ([`IlmModel::GLOBAL`]).
-    pub global: bool,
-    /// Parameters.
-    pub params: fn() -> Vec<ParamInfo>,
-    /// Builds the model from `(name, value)` assignments; `None` for no model.
-    pub build: fn(&[Assignment<'_>]) -> Built<Option<Box<dyn IlluminationModel>>>,
-    /// Canonical text of a parameter after the assignments.
-    pub canonical: fn(&[Assignment<'_>], &str) -> Built<Option<String>>,
-}
+pub type IlmEntry = Entry<IlmFamily>;
 
 impl IlmEntry {
     /// No illumination model.
-    pub const NONE: IlmEntry = IlmEntry {
-        name: "none",
-        aliases: &["0"],
-        summary: "the light does not change",
-        global: false,
-        params: Vec::new,
-        build: |_| Ok(None),
-        canonical: |_, _| Ok(None),
-    };
+    pub const NONE: IlmEntry = Entry::new::<NoParams>(
+        "none",
+        "the light does not change",
+        |_| Ok(None),
+        IlmFamily { global: false },
+    )
+    .also(&["0"]);
 
     /// The entry of model `M`.
-    pub const fn of<M: IlmModel>() -> Self {
-        IlmEntry {
-            name: M::NAME,
-            aliases: M::ALIASES,
-            summary: M::SUMMARY,
-            global: M::GLOBAL,
-            params: <M::Params as Params>::info,
-            build: |a| Ok(Some(Box::new(M::new(M::Params::from_assignments(a)?)))),
-            canonical: |a, name| Ok(M::Params::from_assignments(a)?.get(name)),
-        }
+    pub const fn of<M: IlluminationModel + Part>() -> Self {
+        Entry::of_part::<M>(
+            |a| Ok(Some(Box::new(M::new(M::Params::from_assignments(a)?)))),
+            IlmFamily { global: false },
+        )
+    }
+
+    /// The same of a model that is a gain and a bias of the whole patch and nothing else.
+    pub const fn global(mut self) -> Self {
+        self.family.global = true;
+        self
     }
 
     /// Whether this is the entry for no model.

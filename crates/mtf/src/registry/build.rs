@@ -1,6 +1,6 @@
 //! From a tracker's name to the tracker.
 
-use super::names::{Named, find, unknown};
+use super::names::{find, unknown};
 use super::parts::{Parts, own};
 use super::resolve::Settings;
 use super::spec::{Node, TrackerSpec};
@@ -134,8 +134,8 @@ impl Registry {
         let model = (am.build)(&own(&(am.params)(), &spec.params))?;
         let light = (ilm.build)(&own(&(ilm.params)(), &spec.params))?;
         let capabilities = model.capabilities();
-        if let Some(why) = (sm.refuses)(&sm_params, &capabilities) {
-            let able = |e: &SmEntry| (e.refuses)(&[], &capabilities).is_none();
+        if let Some(why) = (sm.family.refuses)(&sm_params, &capabilities) {
+            let able = |e: &SmEntry| (e.family.refuses)(&[], &capabilities).is_none();
             // Where the method is able as it comes, one of its parameters is at fault, not the method.
             let instead = match able(sm) {
                 true => String::new(),
@@ -149,12 +149,12 @@ impl Registry {
         }
         let warp = (ssm.build)(&own(&(ssm.params)(), &spec.params))?;
         let capabilities = warp.capabilities();
-        if let Some(why) = (sm.refuses_ssm)(&capabilities) {
-            let others = self.names_of(|e| (e.refuses_ssm)(&capabilities).is_none());
+        if let Some(why) = (sm.family.refuses_ssm)(&capabilities) {
+            let others = self.names_of(|e| (e.family.refuses_ssm)(&capabilities).is_none());
             let (ssm, sm) = (ssm.name, sm.name);
             return Err(refused(format!("{ssm} {why}; {sm} needs that; try {others}")));
         }
-        let built = match (light, sm.build_lit) {
+        let built = match (light, sm.family.build_lit) {
             (Some(light), Some(build)) => build(&sm_params, model, warp, light),
             _ => (sm.build)(&sm_params, model, warp),
         };
@@ -170,15 +170,15 @@ impl Registry {
 
     /// Why an illumination model cannot be used with a search method or an appearance model (`{am}`), if it cannot.
     fn refuses_ilm(&self, sm: &SmEntry, am: &dyn AppearanceModel, ilm: &IlmEntry) -> Option<String> {
-        if sm.build_lit.is_none() {
-            let others = self.names_of(|e| e.build_lit.is_some());
+        if sm.family.build_lit.is_none() {
+            let others = self.names_of(|e| e.family.build_lit.is_some());
             return Some(format!(
                 "{} does not estimate illumination; try {others}",
                 sm.name
             ));
         }
-        let blind = ilm.global && am.capabilities().gain_bias_invariant;
-        let local = self.ilms.iter().filter(|e| !e.global && !e.is_none());
+        let blind = ilm.family.global && am.capabilities().gain_bias_invariant;
+        let local = self.ilms.iter().filter(|e| !e.family.global && !e.is_none());
         let local: Vec<&str> = local.map(|e| e.name).collect();
         blind.then(|| {
             format!(

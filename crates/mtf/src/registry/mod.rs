@@ -14,13 +14,14 @@ mod tests;
 pub use names::suggest;
 pub use spec::TrackerSpec;
 
-use crate::am::{AMS, AmEntry, AmModel};
+use crate::am::{AMS, AmEntry, AppearanceModel};
 use crate::best;
 use crate::compose::{COMPOSITES, CompositeEntry, SHORT, ShortEntry};
-use crate::ilm::{ILMS, IlmEntry, IlmModel};
+use crate::entry::Part;
+use crate::ilm::{ILMS, IlluminationModel, IlmEntry};
 use crate::params::ParamError;
 use crate::sm::{SMS, SmEntry};
-use crate::ssm::{SSMS, SsmEntry, SsmModel};
+use crate::ssm::{SSMS, SsmEntry, StateSpaceModel};
 use names::{MethodName, select, select_ams};
 use resolve::Settings;
 use spec::plain_id;
@@ -146,19 +147,19 @@ impl Registry {
     }
 
     /// Adds an appearance model; it is used like any other.
-    pub fn add_am<M: AmModel>(&mut self) -> &mut Self {
+    pub fn add_am<M: AppearanceModel + Part>(&mut self) -> &mut Self {
         self.ams.push(AmEntry::of::<M>());
         self
     }
 
     /// Adds a state space model.
-    pub fn add_ssm<M: SsmModel>(&mut self) -> &mut Self {
+    pub fn add_ssm<M: StateSpaceModel + Part>(&mut self) -> &mut Self {
         self.ssms.push(SsmEntry::of::<M>());
         self
     }
 
     /// Adds an illumination model.
-    pub fn add_ilm<M: IlmModel>(&mut self) -> &mut Self {
+    pub fn add_ilm<M: IlluminationModel + Part>(&mut self) -> &mut Self {
         self.ilms.push(IlmEntry::of::<M>());
         self
     }

@@ -3,9 +3,8 @@
 use super::SpecError;
 use crate::am::AmEntry;
 use crate::compose::{CompositeEntry, ShortEntry};
-use crate::ilm::IlmEntry;
+use crate::entry::{Entry, Family};
 use crate::sm::SmEntry;
-use crate::ssm::SsmEntry;
 
 /// Entry of a family, for look-ups that are the same in each.
 pub(super) trait Named {
@@ -21,31 +20,47 @@ pub(super) trait Named {
     }
 }
 
-macro_rules! named {
-    ($t:ty, $role:literal $(, $groups:ident)?) => {
-        impl Named for $t {
-            const ROLE: &'static str = $role;
-            fn name(&self) -> &'static str {
-                self.name
-            }
-            fn aliases(&self) -> &'static [&'static str] {
-                self.aliases
-            }
-            $(fn groups(&self) -> &'static [&'static str] {
-                self.$groups
-            }
-            fn listed(&self) -> bool {
-                !self.$groups.is_empty()
-            })?
-        }
-    };
+impl<F: Family> Named for Entry<F> {
+    const ROLE: &'static str = F::ROLE;
+    fn name(&self) -> &'static str {
+        self.name
+    }
+    fn aliases(&self) -> &'static [&'static str] {
+        self.aliases
+    }
+    fn groups(&self) -> &'static [&'static str] {
+        self.groups
+    }
+    fn listed(&self) -> bool {
+        Entry::listed(self)
+    }
 }
-named!(SmEntry, "search method", groups);
-named!(AmEntry, "appearance model");
-named!(SsmEntry, "state space model");
-named!(IlmEntry, "illumination model");
-named!(CompositeEntry, "composite tracker");
-named!(ShortEntry, "search method", groups);
+
+impl Named for CompositeEntry {
+    const ROLE: &'static str = "composite tracker";
+    fn name(&self) -> &'static str {
+        self.name
+    }
+    fn aliases(&self) -> &'static [&'static str] {
+        self.aliases
+    }
+}
+
+impl Named for ShortEntry {
+    const ROLE: &'static str = "search method";
+    fn name(&self) -> &'static str {
+        self.name
+    }
+    fn aliases(&self) -> &'static [&'static str] {
+        self.aliases
+    }
+    fn groups(&self) -> &'static [&'static str] {
+        self.groups
+    }
+    fn listed(&self) -> bool {
+        !self.groups.is_empty()
+    }
+}
 
 /// What `--sm` may name: single-layer search methods, and those that are short for composites.
 pub(super) struct MethodName {

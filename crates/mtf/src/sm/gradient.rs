@@ -3,12 +3,12 @@
 //! A method ([`LkMethod`]) says where its Jacobian and Hessian come from and how the step is applied; `f` is maximised,
 //! so every step is `Δ = -H⁻¹ Jᵀ` with a negative definite `H` (Baker & Matthews 2004; paper, sections 2.3 and 4).
 
-use super::SmEntry;
 use super::kit::{Kit, Template};
 use super::light::Light;
 use super::mask::{Mask, MaskParams};
 use super::sampling::SamplingParams;
 use super::workspace::{Buffers, Workspace};
+use super::{SmEntry, SmFamily};
 use crate::am::{AppearanceModel, Capabilities, Normal};
 use crate::geom::Corners;
 use crate::geom::solve::solve_negative;
@@ -676,24 +676,25 @@ fn refuses(assignments: &[Assignment<'_>], am: &Capabilities) -> Option<&'static
 
 /// The table row of method `M`.
 pub(super) const fn entry<M: LkMethod>() -> SmEntry {
-    SmEntry {
-        name: M::NAME,
-        aliases: M::ALIASES,
-        groups: M::GROUPS,
-        summary: M::SUMMARY,
-        params: AllParams::<M>::info,
-        refuses,
-        refuses_ssm: |ssm| match M::INCREMENT {
-            Increment::Compositional if !ssm.compositional => Some("does not compose"),
-            Increment::InverseCompositional if !(ssm.compositional && ssm.invertible) => {
-                Some("does not compose and has no inverses")
-            }
-            _ => None,
+    SmEntry::new::<AllParams<M>>(
+        M::NAME,
+        M::SUMMARY,
+        |a, am, ssm| Ok(Box::new(build::<M, _, _>(a, am, ssm)?)),
+        SmFamily {
+            refuses,
+            refuses_ssm: |ssm| match M::INCREMENT {
+                Increment::Compositional if !ssm.compositional => Some("does not compose"),
+                Increment::InverseCompositional if !(ssm.compositional && ssm.invertible) => {
+                    Some("does not compose and has no inverses")
+                }
+                _ => None,
+            },
+            build_lit: Some(|a, am, ssm, light| {
+                Ok(Box::new(build::<M, _, _>(a, am, ssm)?.with_illumination(light)))
+            }),
         },
-        build: |a, am, ssm| Ok(Box::new(build::<M, _, _>(a, am, ssm)?)),
-        build_lit: Some(|a, am, ssm, light| {
-            Ok(Box::new(build::<M, _, _>(a, am, ssm)?.with_illumination(light)))
-        }),
-        canonical: |a, name| Ok(parse::<M>(a)?.get(name)),
-    }
+    )
+    .also(M::ALIASES)
+    .in_groups(M::GROUPS)
+    .checked(|a, name| Ok(parse::<M>(a)?.get(name)))
 }

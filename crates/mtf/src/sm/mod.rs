@@ -65,8 +65,9 @@ pub type Fcsd<A, S> = Lk<FcsdMethod, A, S>;
 pub type Haclk<A, S> = Lk<HaclkMethod, A, S>;
 
 use crate::am::{AppearanceModel, Capabilities};
+use crate::entry::{Entry, Family};
 use crate::ilm::IlluminationModel;
-use crate::params::{Assignment, Built, ParamInfo};
+use crate::params::{Assignment, Built};
 use crate::ssm::{SsmCapabilities, StateSpaceModel};
 use crate::tracker::Tracker;
 
@@ -86,6 +87,10 @@ pub const SMS: &[SmEntry] = &[
     regression::ENTRY,
 ];
 
+/// Builds a tracker from assignments and its models.
+pub type BuildSm =
+    fn(&[Assignment<'_>], Box<dyn AppearanceModel>, Box<dyn StateSpaceModel>) -> Built<Box<dyn Tracker>>;
+
 /// Builds a tracker from assignments, its models and one of illumination.
 pub type BuildLit = fn(
     &[Assignment<'_>],
@@ -94,28 +99,22 @@ pub type BuildLit = fn(
     Box<dyn IlluminationModel>,
 ) -> Built<Box<dyn Tracker>>;
 
-/// A row of the table of search methods.
-#[derive(Clone)]
-pub struct SmEntry {
-    /// Name.
-    pub name: &'static str,
-    /// Other names.
-    pub aliases: &'static [&'static str],
-    /// Groups that include it (`lk`, `gradient`, ...). Methods of no group are for analysis: `all` leaves them out.
-    pub groups: &'static [&'static str],
-    /// One-line description.
-    pub summary: &'static str,
-    /// Parameters.
-    pub params: fn() -> Vec<ParamInfo>,
+/// The family of search methods.
+#[derive(Clone, Copy)]
+pub struct SmFamily {
     /// What it needs, with these assignments, that an appearance model lacks, if it lacks anything.
     pub refuses: fn(&[Assignment<'_>], &Capabilities) -> Option<&'static str>,
     /// What it needs that a state space model lacks, if it lacks anything.
     pub refuses_ssm: fn(&SsmCapabilities) -> Option<&'static str>,
-    /// Builds the tracker from `(name, value)` assignments and its models.
-    pub build:
-        fn(&[Assignment<'_>], Box<dyn AppearanceModel>, Box<dyn StateSpaceModel>) -> Built<Box<dyn Tracker>>,
     /// Builds a tracker that estimates the illumination as well; `None` for methods that cannot.
     pub build_lit: Option<BuildLit>,
-    /// Canonical text of a parameter after the assignments.
-    pub canonical: fn(&[Assignment<'_>], &str) -> Built<Option<String>>,
 }
+
+impl Family for SmFamily {
+    type Build = BuildSm;
+    const ROLE: &'static str = "search method";
+    const GROUPED: bool = true;
+}
+
+/// A row of the table of search methods.
+pub type SmEntry = Entry<SmFamily>;

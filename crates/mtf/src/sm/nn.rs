@@ -4,12 +4,12 @@
 //! With several neighbours the patch is first written as the combination of them that comes nearest, weights adding up to one
 //! (the local reconstruction of Roweis & Saul 2000), and the same combination of their increments is applied.
 
-use super::SmEntry;
 use super::index::{Features, Index, IndexKind, IndexSettings, Judge, Nearest};
 use super::pf::Step;
 use super::probe::Probe;
 use super::sampling::SamplingParams;
 use super::workspace::Buffers;
+use super::{SmEntry, SmFamily};
 use crate::am::{AppearanceModel, Metric};
 use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::geom::{Corners, homography};
@@ -400,15 +400,10 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Nn<A, S
 type AllParams = (SamplingParams, NnParams);
 
 /// The table row.
-pub(super) const ENTRY: SmEntry = SmEntry {
-    name: "nn",
-    aliases: &["nearest_neighbour"],
-    groups: &["stochastic"],
-    summary: "nearest neighbour among samples of the first frame",
-    params: AllParams::info,
-    refuses: |_, _| None,
-    refuses_ssm: |_| None,
-    build: |a, am, ssm| {
+pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
+    "nn",
+    "nearest neighbour among samples of the first frame",
+    |a, am, ssm| {
         let (sampling, params) = AllParams::from_assignments(a)?;
         let refused = |name, value: String, allowed: &str| {
             Err(ParamError::Value {
@@ -428,6 +423,11 @@ pub(super) const ENTRY: SmEntry = SmEntry {
         }
         Ok(Box::new(Nn::with_params(sampling, params, am, ssm)))
     },
-    build_lit: None,
-    canonical: |a, name| Ok(AllParams::from_assignments(a)?.get(name)),
-};
+    SmFamily {
+        refuses: |_, _| None,
+        refuses_ssm: |_| None,
+        build_lit: None,
+    },
+)
+.also(&["nearest_neighbour"])
+.in_groups(&["stochastic"]);

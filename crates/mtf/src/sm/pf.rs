@@ -5,12 +5,12 @@
 //! share of all: the same for every appearance model, whatever the scale of its `f`. With several passes per frame each
 //! one searches around the last with smaller steps.
 
-use super::SmEntry;
 use super::gradient::Learning;
 use super::probe::Probe;
 use super::resample::{Resampling, effective, resample, temper};
 use super::sampling::SamplingParams;
 use super::workspace::Buffers;
+use super::{SmEntry, SmFamily};
 use crate::am::AppearanceModel;
 use crate::geom::Corners;
 use crate::image::{Frame, Image};
@@ -592,18 +592,18 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Pf<A, S
 type AllParams = (SamplingParams, PfParams);
 
 /// The table row.
-pub(super) const ENTRY: SmEntry = SmEntry {
-    name: "pf",
-    aliases: &["particle_filter"],
-    groups: &["stochastic"],
-    summary: "particle filter",
-    params: AllParams::info,
-    refuses: |_, _| None,
-    refuses_ssm: |_| None,
-    build: |a, am, ssm| {
+pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
+    "pf",
+    "particle filter",
+    |a, am, ssm| {
         let (sampling, params) = AllParams::from_assignments(a)?;
         Ok(Box::new(Pf::with_params(sampling, params, am, ssm)))
     },
-    build_lit: None,
-    canonical: |a, name| Ok(AllParams::from_assignments(a)?.get(name)),
-};
+    SmFamily {
+        refuses: |_, _| None,
+        refuses_ssm: |_| None,
+        build_lit: None,
+    },
+)
+.also(&["particle_filter"])
+.in_groups(&["stochastic"]);

@@ -7,11 +7,11 @@
 //! cells cannot resolve. Motions are those of the four corners, so that any warp that composes takes the increment that fits
 //! them best.
 
-use super::SmEntry;
 use super::probe::{Probe, number};
 use super::ridge::ridge;
 use super::sampling::SamplingParams;
 use super::workspace::Buffers;
+use super::{SmEntry, SmFamily};
 use crate::am::{AppearanceModel, Metric, PatchShape};
 use crate::geom::{Corners, homography};
 use crate::image::{Frame, Image};
@@ -307,21 +307,23 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Regression<A, S> {
 type AllParams = (SamplingParams, RegressionParams);
 
 /// The table row.
-pub(super) const ENTRY: SmEntry = SmEntry {
-    name: "regression",
-    aliases: &["lr"],
-    groups: &["learned"],
-    summary: "ridge regression from patch to motion, learned on the first frame, coarse to fine",
-    params: AllParams::info,
-    refuses: |_, am| (am.metric != Metric::SquaredL2).then_some("has no features with Euclidean distances"),
-    refuses_ssm: |ssm| (!ssm.compositional).then_some("does not compose"),
-    build: |a, am, ssm| {
+pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
+    "regression",
+    "ridge regression from patch to motion, learned on the first frame, coarse to fine",
+    |a, am, ssm| {
         let (sampling, params) = AllParams::from_assignments(a)?;
         Ok(Box::new(Regression::with_params(sampling, params, am, ssm)))
     },
-    build_lit: None,
-    canonical: |a, name| Ok(AllParams::from_assignments(a)?.get(name)),
-};
+    SmFamily {
+        refuses: |_, am| {
+            (am.metric != Metric::SquaredL2).then_some("has no features with Euclidean distances")
+        },
+        refuses_ssm: |ssm| (!ssm.compositional).then_some("does not compose"),
+        build_lit: None,
+    },
+)
+.also(&["lr"])
+.in_groups(&["learned"]);
 
 #[cfg(test)]
 mod tests {

@@ -8,9 +8,8 @@
 //! the frame before did not show it already.
 
 use super::frame::BaseFrame;
-use super::{
-    Gradient, ImageHessian, Increment, JacobianKind, Points, SsmCapabilities, SsmModel, StateSpaceModel,
-};
+use super::{Gradient, ImageHessian, Increment, JacobianKind, Points, SsmCapabilities, StateSpaceModel};
+use crate::entry::Part;
 use crate::estimate::{Estimator, PointModel};
 use crate::geom::fit::Moments;
 use crate::geom::solve::{SymMatrix, solve_negative};
@@ -685,7 +684,7 @@ impl<B: Basis> StateSpaceModel for FreeForm<B> {
     }
 }
 
-impl<B: Basis> SsmModel for FreeForm<B> {
+impl<B: Basis> Part for FreeForm<B> {
     type Params = B::Params;
     const NAME: &'static str = B::NAME;
     const ALIASES: &'static [&'static str] = B::ALIASES;

@@ -83,11 +83,12 @@ pub type Spline = FreeForm<SplineBasis>;
 /// Thin plate spline, two parameters per control point.
 pub type Tps = FreeForm<TpsBasis>;
 
+use crate::entry::{Build, Entry, Family, Part};
 use crate::estimate::Estimator;
 use crate::geom::solve::SymMatrix;
 use crate::geom::{Corners, Mat3};
 use crate::kernels::Jacobian;
-use crate::params::{Assignment, Built, ParamInfo, Params, Resolution};
+use crate::params::{Params, Resolution};
 use crate::tracker::TrackError;
 use dyn_clone::DynClone;
 
@@ -418,48 +419,25 @@ impl StateSpaceModel for Box<dyn StateSpaceModel> {
     }
 }
 
-/// A model that can be listed and built by name.
-pub trait SsmModel: StateSpaceModel + Sized + 'static {
-    /// Its parameters.
-    type Params: Params;
-    /// Name, lower case, as in the literature.
-    const NAME: &'static str;
-    /// Other names users may type.
-    const ALIASES: &'static [&'static str];
-    /// One line for `list ssm`.
-    const SUMMARY: &'static str;
-    /// Builds it.
-    fn new(params: Self::Params) -> Self;
+/// The family of state space models.
+#[derive(Clone, Copy, Debug)]
+pub struct SsmFamily;
+
+impl Family for SsmFamily {
+    type Build = Build<Box<dyn StateSpaceModel>>;
+    const ROLE: &'static str = "state space model";
 }
 
 /// A row of the table of state space models.
-#[derive(Clone)]
-pub struct SsmEntry {
-    /// Name.
-    pub name: &'static str,
-    /// Other names.
-    pub aliases: &'static [&'static str],
-    /// One-line description.
-    pub summary: &'static str,
-    /// Parameters.
-    pub params: fn() -> Vec<ParamInfo>,
-    /// Builds the model from `(name, value)` assignments.
-    pub build: fn(&[Assignment<'_>]) -> Built<Box<dyn StateSpaceModel>>,
-    /// Canonical text of a parameter after the assignments.
-    pub canonical: fn(&[Assignment<'_>], &str) -> Built<Option<String>>,
-}
+pub type SsmEntry = Entry<SsmFamily>;
 
 impl SsmEntry {
     /// The entry of model `M`.
-    pub const fn of<M: SsmModel>() -> Self {
-        SsmEntry {
-            name: M::NAME,
-            aliases: M::ALIASES,
-            summary: M::SUMMARY,
-            params: <M::Params as Params>::info,
-            build: |a| Ok(Box::new(M::new(M::Params::from_assignments(a)?))),
-            canonical: |a, name| Ok(M::Params::from_assignments(a)?.get(name)),
-        }
+    pub const fn of<M: StateSpaceModel + Part>() -> Self {
+        Entry::of_part::<M>(
+            |a| Ok(Box::new(M::new(M::Params::from_assignments(a)?))),
+            SsmFamily,
+        )
     }
 }
 
@@ -498,9 +476,7 @@ impl SsmName {
 impl crate::params::ParamValue for SsmName {
     fn parse(text: &str) -> Option<Self> {
         let text = text.to_ascii_lowercase();
-        let found = SSMS
-            .iter()
-            .find(|e| e.name == text || e.aliases.contains(&text.as_str()));
+        let found = SSMS.iter().find(|e| e.is_called(&text));
         found.map(|e| SsmName(e.name))
     }
     fn text(&self) -> String {

@@ -3,9 +3,8 @@
 //! A model gives its matrix `M(p)`, the way back, and the derivatives of `M`; the rest follows.
 
 use super::frame::BaseFrame;
-use super::{
-    Gradient, ImageHessian, Increment, JacobianKind, Points, SsmCapabilities, SsmModel, StateSpaceModel,
-};
+use super::{Gradient, ImageHessian, Increment, JacobianKind, Points, SsmCapabilities, StateSpaceModel};
+use crate::entry::Part;
 use crate::estimate::{Estimator, PointModel};
 use crate::geom::solve::SymMatrix;
 use crate::geom::{Corners, Mat3, homography, lie};
@@ -550,7 +549,7 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
     }
 }
 
-impl<W: ProjectiveModel> SsmModel for Projective<W> {
+impl<W: ProjectiveModel> Part for Projective<W> {
     type Params = W::Params;
     const NAME: &'static str = W::NAME;
     const ALIASES: &'static [&'static str] = W::ALIASES;
