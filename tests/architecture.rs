@@ -20,6 +20,7 @@ const HOUSES: [House; 2] = [
         source: "crates/mtf/src",
         ranks: &[
             &["expr", "geom", "params"],
+            &["entry"],
             &["kernels"],
             &["image"],
             &["tracker"],
