@@ -1,22 +1,20 @@
-//! A new appearance model, not in the crate, evaluated by the same runner against the ones that are: one type and one
-//! registry line.
+//! The whole program with an appearance model of its own: one type and one registry line.
 //!
 //! The model is SSD with the Geman-McClure loss: `f = -½ Σ e²/(1 + e²/c²)`, `e = I - T`, so that pixels that disagree
 //! by much more than `c` gray levels (an occluder, a highlight) hardly count.
 //!
-//! `cargo run --release --example custom_am`
+//! It is everywhere that built-in models are, such as in
+//!
+//! `cargo run --release --example custom_am -- run --sm fclk --am ssd,ncc,gmc --set gmc.fade=15`
+//! `cargo run --release --example custom_am -- diagnose --am gmc --ssm homography`
+//! `cargo run --release --example custom_am -- list am`
 
 use mtf::am::{AppearanceModel, Capabilities, Metric, PatchShape, Side};
 use mtf::entry::Part;
 use mtf::geom::solve::SymMatrix;
 use mtf::kernels::Jacobian;
-use mtf_eval::plan::plan::FrameLogs;
-use mtf_eval::plan::request::RunRequest;
-use mtf_eval::plan::request::TrackerEntry;
-use mtf_eval::prelude::*;
-use mtf_eval::report::{TableOptions, table};
-use mtf_eval::run;
-use std::sync::{Arc, atomic::AtomicBool};
+use mtf::prelude::*;
+use std::process::ExitCode;
 
 mtf::params! {
     /// Parameters of [`GemanMcClure`].
@@ -135,42 +133,8 @@ impl AppearanceModel for GemanMcClure {
     }
 }
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> ExitCode {
     let mut registry = Registry::builtin();
     registry.add_am::<GemanMcClure>();
-    let registry = Arc::new(registry);
-    let list = |s: &str| vec![s.to_owned()];
-    let selection = Selection {
-        sm: list("fclk"),
-        am: list("ssd,ncc,gmc"),
-        ssm: list("homography"),
-        ..Selection::default()
-    };
-    let specs = registry.expand(&selection)?.specs;
-    let trackers = specs
-        .iter()
-        .map(|spec| TrackerEntry::from_registry(&registry, spec));
-    let out = std::env::temp_dir().join("mtf-eval-custom-am");
-    let request = RunRequest {
-        trackers: trackers.collect::<Result<_, _>>()?,
-        sequences: dataset::builtin()?.sequences,
-        pre: parse_preprocessor("gaussian:5:3")?,
-        protocol: Default::default(),
-        seed: 0,
-        threads_per_tracker: 1,
-        shard: None,
-        threads: 0,
-        memory: 1 << 30,
-        out,
-        force: true,
-        frame_logs: FrameLogs::Csv,
-        timeout: None,
-        grace: Default::default(),
-        about: Default::default(),
-        host: Default::default(),
-    };
-    let report = run::run(&request, &run::Silent, &AtomicBool::new(false))?;
-    print!("{}", table(&report.results, &TableOptions::default()));
-    println!("everything else is in {}", report.path.display());
-    Ok(())
+    mtf_eval::cli::main(registry)
 }

@@ -2,6 +2,7 @@
 //! of the crate [`mtf`].
 #![deny(missing_docs)]
 
+pub mod catalogue;
 pub mod cli;
 pub mod dataset;
 pub mod judge;

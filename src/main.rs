@@ -1,9 +1,7 @@
-//! The command line program: parse, run, exit code.
+//! The program `mtf-eval`: the command line with everything that is built in.
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    mtf_eval::panics::install_hook();
-    // The hook has said what happened, in one line.
-    std::panic::catch_unwind(mtf_eval::cli::main).unwrap_or(ExitCode::from(101))
+    mtf_eval::cli::main(mtf_eval::catalogue::Catalogue::builtin())
 }

@@ -1,38 +1,15 @@
-//! The command line as typed: structures for clap and the little grammars of their values. No logic.
+//! Arguments that commands share, as clap takes them from the command line. No logic, no commands.
 
-use super::basin::BasinArgs;
-use super::bench::BenchArgs;
-use super::check::CheckArgs;
-use super::compare::CompareArgs;
-use super::data::DataArgs;
-use super::diagnose::DiagnoseArgs;
-use super::merge::MergeArgs;
-use super::plan::PlanArgs;
-use super::status::StatusArgs;
-use super::synth::SynthArgs;
+use super::values::{
+    assignment, at_least_one, at_least_two, channels, duration, non_negative, positive, resolution, size,
+};
 use crate::plan::protocol::Protocols;
 use crate::plan::shard::Shard;
 use crate::report::Format;
-use clap::{Args, Parser, Subcommand, ValueEnum};
-use mtf::params::{ParamValue, Resolution};
+use clap::{Args, ValueEnum};
+use mtf::params::Resolution;
 use std::path::PathBuf;
 use std::time::Duration;
-
-/// Evaluates registration-based trackers: every search method x appearance model x state space model, on image
-/// sequences with ground-truth corners.
-#[derive(Debug, Parser)]
-#[command(name = "mtf-eval", version, propagate_version = true, max_term_width = 100)]
-#[command(after_help = "\
-Exit codes: 0 success, 2 usage or bad input, 4 filters selected nothing, 10 check or diagnose failed, \
-11 not comparable, 20 some runs failed (the others are complete), 21 incomplete, 75 stopped early (run again)")]
-pub struct Cli {
-    /// What to do.
-    #[command(subcommand)]
-    pub command: Command,
-    /// Messages.
-    #[command(flatten)]
-    pub messages: Messages,
-}
 
 /// How much is said, and how.
 #[derive(Args, Clone, Debug)]
@@ -91,56 +68,6 @@ pub enum ProgressMode {
     None,
 }
 
-/// The subcommands.
-#[derive(Debug, Subcommand)]
-pub enum Command {
-    /// Track every requested combination over every sequence, write a run directory, print a table
-    Run(Box<RunArgs>),
-    /// Say what an experiment contains, what it costs and how it is cut into shards
-    Plan(Box<PlanArgs>),
-    /// Say how far a run directory is: exit 0 complete, 20 some units failed, 21 units missing
-    Status(StatusArgs),
-    /// Join the run directories of shards into one: exit 21 and nothing written when units are missing
-    Merge(MergeArgs),
-    /// Compare a run with a recorded baseline: exit 0 or 10
-    Check(CheckArgs),
-    /// Compare runs: what changed, and whether it is more than chance
-    Compare(CompareArgs),
-    /// Render an image sequence with exact ground truth, from any image or a texture drawn by code
-    Synth(Box<SynthArgs>),
-    /// Compare analytic derivatives with central differences: exit 0 or 10
-    Diagnose(DiagnoseArgs),
-    /// Measure how far from the truth trackers may start
-    Basin(BasinArgs),
-    /// Measure the speed of trackers on one core
-    Bench(Box<BenchArgs>),
-    /// What exists: models, trackers, parameters, metrics, data
-    List(ListArgs),
-    /// Look into data sets and find what is wrong with them
-    Data(DataArgs),
-    /// Print a completion script for a shell
-    Completions {
-        /// The shell
-        shell: clap_complete::Shell,
-    },
-    /// Print the manual page (roff)
-    Man,
-}
-
-/// Arguments of `run`.
-#[derive(Args, Clone, Debug)]
-pub struct RunArgs {
-    /// What to run.
-    #[command(flatten)]
-    pub experiment: ExperimentArgs,
-    /// How to run.
-    #[command(flatten)]
-    pub execution: ExecutionArgs,
-    /// How to print the result.
-    #[command(flatten)]
-    pub table: TableArgs,
-}
-
 /// What to run: flags, over what a file says.
 #[derive(Args, Clone, Debug)]
 pub struct ExperimentArgs {
@@ -167,6 +94,14 @@ pub struct ExperimentArgs {
     /// Fail a unit whose updates take longer than this together
     #[arg(long, value_name = "SECONDS", value_parser = positive, help_heading = "Execution")]
     pub timeout: Option<f64>,
+    /// Where the corners of each frame go.
+    #[command(flatten)]
+    pub frame_logs: FrameLogArgs,
+}
+
+/// What is kept of each frame.
+#[derive(Args, Clone, Debug)]
+pub struct FrameLogArgs {
     /// Corners of each frame: a CSV file per unit (the default), compressed, or none (the journal keeps the errors)
     #[arg(long, value_name = "HOW", help_heading = "Execution")]
     pub frame_logs: Option<FrameLogsArg>,
@@ -203,7 +138,7 @@ pub struct TrackerArgs {
     pub set: Vec<(String, String)>,
     /// Samples of the template, columns x rows [default: 50x50]
     #[arg(long, value_name = "WxH", value_parser = resolution)]
-    pub res: Option<String>,
+    pub res: Option<Resolution>,
     /// Most iterations per frame [default: 30]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub max_iters: Option<u32>,
@@ -308,167 +243,4 @@ pub struct TableArgs {
     /// How many trackers to show (0: all)
     #[arg(long, value_name = "N", default_value = "20")]
     pub top: usize,
-}
-
-/// Arguments of `list`.
-#[derive(Args, Clone, Debug)]
-pub struct ListArgs {
-    /// What to list [default: an overview]
-    pub what: Option<ListWhat>,
-    /// Format on stdout
-    #[arg(long, value_name = "FORMAT", default_value = "table")]
-    pub format: Format,
-    /// Data to list, with `list data` [default: the embedded data set]
-    #[arg(long = "data", value_name = "DIR")]
-    pub data: Vec<PathBuf>,
-}
-
-/// What can be listed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum ListWhat {
-    /// Search methods
-    Sm,
-    /// Appearance models
-    Am,
-    /// State space models
-    Ssm,
-    /// Illumination models
-    Ilm,
-    /// Every valid single-layer combination, and why the others are refused
-    Trackers,
-    /// Every parameter with default and range
-    Params,
-    /// Error metrics and figures
-    Metrics,
-    /// Sequences
-    Data,
-}
-
-fn assignment(text: &str) -> Result<(String, String), String> {
-    match text.split_once('=') {
-        Some((name, value)) if !name.trim().is_empty() && !value.trim().is_empty() => {
-            Ok((name.trim().to_string(), value.trim().to_string()))
-        }
-        _ => Err("expected NAME=VALUE, such as esm.max_iters=50".into()),
-    }
-}
-
-fn resolution(text: &str) -> Result<String, String> {
-    let grid = Resolution::parse(&text.trim().to_ascii_lowercase());
-    grid.map(|r| r.to_string())
-        .ok_or_else(|| format!("expected {}", Resolution::allowed()))
-}
-
-fn channels(text: &str) -> Result<usize, String> {
-    match text.trim() {
-        "1" => Ok(1),
-        "3" => Ok(3),
-        _ => Err("expected 1 or 3".into()),
-    }
-}
-
-fn non_negative(text: &str) -> Result<f64, String> {
-    let value = text.trim().parse().ok();
-    value
-        .filter(|v: &f64| v.is_finite() && *v >= 0.0)
-        .ok_or_else(|| "expected a number, 0 or more".into())
-}
-
-pub(super) fn positive(text: &str) -> Result<f64, String> {
-    let value = text.trim().parse().ok();
-    let value = value.filter(|v: &f64| *v > 0.0 && *v < 1e12);
-    value.ok_or_else(|| "expected a number above 0".into())
-}
-
-/// A time: seconds, or a number with s, m, h or d.
-fn duration(text: &str) -> Result<Duration, String> {
-    let text = text.trim();
-    let number = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
-    let unit = match &text[number.len()..] {
-        "" | "s" => Some(1.0),
-        "m" | "min" => Some(60.0),
-        "h" => Some(3600.0),
-        "d" => Some(86400.0),
-        _ => None,
-    };
-    let number: Option<f64> = number.parse().ok().filter(|v: &f64| (0.0..1e9).contains(v));
-    match (number, unit) {
-        (Some(number), Some(unit)) => Ok(Duration::from_secs_f64(number * unit)),
-        _ => Err("expected a time such as 90, 90s, 15m or 2h".into()),
-    }
-}
-
-fn at_least(least: usize, text: &str) -> Result<usize, String> {
-    let value = text.trim().parse().ok();
-    value
-        .filter(|&n| n >= least)
-        .ok_or_else(|| format!("expected a whole number, {least} or more"))
-}
-
-pub(super) fn at_least_one(text: &str) -> Result<usize, String> {
-    at_least(1, text)
-}
-
-pub(super) fn at_least_two(text: &str) -> Result<usize, String> {
-    at_least(2, text)
-}
-
-/// Bytes: a number with an optional K, M, G or T (powers of 1024), optionally followed by B or iB.
-fn size(text: &str) -> Result<u64, String> {
-    let upper = text.trim().to_ascii_uppercase();
-    let digits = upper.trim_end_matches(|c: char| c.is_ascii_alphabetic());
-    let shift = match &upper[digits.len()..] {
-        "" | "B" => Some(0),
-        "K" | "KB" | "KIB" => Some(10),
-        "M" | "MB" | "MIB" => Some(20),
-        "G" | "GB" | "GIB" => Some(30),
-        "T" | "TB" | "TIB" => Some(40),
-        _ => None,
-    };
-    let number: Option<f64> = digits.trim().parse().ok().filter(|v: &f64| *v > 0.0 && *v < 1e9);
-    match (number, shift) {
-        (Some(number), Some(shift)) => Ok((number * (1u64 << shift) as f64) as u64),
-        _ => Err("expected a size such as 4G or 512M".into()),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use clap::CommandFactory;
-
-    #[test]
-    fn the_command_line_is_consistent() {
-        Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn values_are_checked() {
-        assert_eq!(size("4G"), Ok(4 << 30));
-        assert_eq!(size("1.5 MiB"), Ok(3 << 19));
-        assert_eq!(size("100"), Ok(100));
-        assert!(["", "G", "-1G", "4X", "nan"].iter().all(|s| size(s).is_err()));
-        assert_eq!(resolution("50x40"), Ok("50x40".into()));
-        assert_eq!(resolution("25"), Ok("25x25".into()));
-        assert!(
-            ["", "x", "0x5", "5x", "50x50x50"]
-                .iter()
-                .all(|s| resolution(s).is_err())
-        );
-        assert_eq!(
-            assignment("esm.max_iters = 5"),
-            Ok(("esm.max_iters".into(), "5".into()))
-        );
-        assert_eq!(duration("1.5m"), Ok(Duration::from_secs(90)));
-        assert!(["", "m", "-1", "3w"].iter().all(|s| duration(s).is_err()));
-        assert!(["x", "=", "x=", "=5"].iter().all(|s| assignment(s).is_err()));
-    }
-
-    #[test]
-    fn lists_may_be_joined_or_repeated() {
-        let cli = Cli::parse_from(["mtf-eval", "run", "--sm", "esm,fclk", "--sm", "nn", "data"]);
-        let Command::Run(args) = cli.command else { panic!() };
-        assert_eq!(args.experiment.trackers.sm, ["esm", "fclk", "nn"]);
-        assert_eq!(args.experiment.data, [PathBuf::from("data")]);
-    }
 }

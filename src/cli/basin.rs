@@ -1,14 +1,16 @@
 //! `mtf-eval basin`: how far from the truth a tracker may start.
 
 use super::args::TrackerArgs;
+use super::console::print;
+use super::exit::{Failure, Outcome};
 use super::experiment::{USUAL_FILTER, trackers};
-use super::{Console, Failure, Outcome, exit, print};
+use super::program::Program;
+use super::signals::stop_on_signals;
 use crate::dataset::decode;
-use crate::measure::basin::{self, BasinError, BasinRequest, BasinRow, Texture};
+use crate::measure::basin::{self, BasinRequest, BasinRow, Texture};
 use crate::report::{Format, render};
 use crate::synth::texture::TEXTURES;
 use mtf::image::{Frame, Identity, parse_preprocessor};
-use mtf::registry::Registry;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -69,20 +71,18 @@ pub struct BasinArgs {
 ///
 /// # Errors
 /// Wrong arguments, unreadable images, a tracker that cannot start, or stopped early.
-pub fn run(args: &BasinArgs, console: &Console) -> Outcome {
-    let registry = Arc::new(Registry::builtin());
+pub fn run(args: &BasinArgs, program: &Program) -> Outcome {
+    let (registry, console) = (&program.catalogue.registry, &program.console);
     let stochastic = |sm: &str| {
         registry
             .sms()
             .iter()
             .any(|e| e.name == sm && e.groups.contains(&"stochastic"))
     };
-    let entries = trackers(&args.trackers, &registry, console)?
-        .into_iter()
-        .map(|entry| {
-            let usual = if stochastic(&entry.name.sm) { 5.0 } else { 1.0 };
-            (entry, args.within.unwrap_or(usual))
-        });
+    let entries = trackers(&args.trackers, program)?.into_iter().map(|entry| {
+        let usual = if stochastic(&entry.name.sm) { 5.0 } else { 1.0 };
+        (entry, args.within.unwrap_or(usual))
+    });
     let positive = |v: &f64| v.is_finite() && *v > 0.0;
     if !(positive(&args.side) && args.sigma.iter().chain(&args.within).all(positive)) {
         return Err(Failure::usage(
@@ -113,17 +113,9 @@ pub fn run(args: &BasinArgs, console: &Console) -> Outcome {
         .num_threads(args.threads.unwrap_or(0))
         .build()
         .map_err(Failure::usage)?;
-    let stop = super::run::stop_on_signals()?;
+    let stop = stop_on_signals()?;
     let progress = |share: f64| console.note(&format!("{:.0} %", 100.0 * share));
-    let rows = pool
-        .install(|| basin::run(&request, &stop, &progress))
-        .map_err(|e| {
-            let code = match e {
-                BasinError::Stopped => exit::STOPPED,
-                _ => exit::USAGE,
-            };
-            Failure::new(code, e)
-        })?;
+    let rows = pool.install(|| basin::run(&request, &stop, &progress))?;
     let pooled = request.textures.len() > 1;
     let shown: Vec<&BasinRow> = rows
         .iter()

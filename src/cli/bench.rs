@@ -1,20 +1,22 @@
 //! `mtf-eval bench`: how fast trackers are.
 
-use super::args::{SelectionArgs, TrackerArgs, at_least_one, positive};
+use super::args::{SelectionArgs, TrackerArgs};
+use super::console::{Console, print};
+use super::exit::{self, Failure, Outcome};
 use super::experiment::{USUAL_FILTER, expand, sequences};
-use super::run::stop_on_signals;
-use super::{Console, Failure, Outcome, exit, print};
+use super::program::Program;
+use super::signals::stop_on_signals;
+use super::values::{at_least_one, positive};
 use crate::measure::bench::{self, BenchRequest, BenchRow, Measurement, SCHEMA_VERSION};
 use crate::measure::machine::Machine;
 use crate::plan::request::sequence_id;
 use crate::report::{Format, bars_svg, render};
 use crate::store::{Durable, write_atomic};
 use mtf::image::parse_preprocessor;
-use mtf::registry::Registry;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 /// Frames of each sequence that are kept in memory unless --max-frames says otherwise.
@@ -68,10 +70,10 @@ pub struct BenchArgs {
 ///
 /// # Errors
 /// Wrong arguments, unusable data, a measurement that cannot be read or saved, or stopped early.
-pub fn run(args: &BenchArgs, console: &Console) -> Outcome {
+pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
+    let console = &program.console;
     let others = args.against.as_deref().map(read).transpose()?;
-    let registry = Arc::new(Registry::builtin());
-    let (trackers, refused) = expand(&args.trackers, &registry, console)?;
+    let (trackers, refused) = expand(&args.trackers, program)?;
     let mut selection = args.selection.clone();
     selection.max_frames.get_or_insert(MOST_FRAMES);
     let request = BenchRequest {
@@ -113,7 +115,7 @@ pub fn run(args: &BenchArgs, console: &Console) -> Outcome {
     let measured = Measurement {
         schema_version: SCHEMA_VERSION,
         machine,
-        command: std::env::args().skip(1).collect(),
+        command: program.arguments.clone(),
         sequences: request.sequences.iter().map(sequence_id).collect(),
         rows,
         refused: refused.into_iter().map(|r| (r.id, r.reason)).collect(),

@@ -2,6 +2,8 @@
 
 mod report;
 
+use super::console::Console;
+use super::exit;
 use crate::judge::baseline::{Baseline, recorded_command};
 use crate::judge::gate::{Change, Tolerances};
 use crate::report::{Format, junit, read_summary};
@@ -88,6 +90,7 @@ impl CheckArgs {
 /// Bad input (exit code 2): a file that cannot be read, a baseline without a command to run.
 pub fn run(
     args: &CheckArgs,
+    console: &Console,
     run_command: &dyn Fn(&[String]) -> anyhow::Result<PathBuf>,
 ) -> anyhow::Result<ExitCode> {
     let tolerances = args.tolerances()?;
@@ -128,7 +131,7 @@ pub fn run(
         summarise(args, &update.text(Format::Md, args.top))?;
         let failed = results.failed_runs();
         if failed > 0 {
-            eprintln!("warning: {failed} failed runs are now part of the baseline");
+            console.warn(&format!("{failed} failed runs are now part of the baseline"));
         }
         return Ok(ExitCode::SUCCESS);
     }
@@ -147,7 +150,7 @@ pub fn run(
         write_atomic(path, Durable::Now, |w| w.write_all(xml.as_bytes()))?;
     }
     summarise(args, &report.markdown(&dir))?;
-    Ok(ExitCode::from(comparison.verdict().exit_code()))
+    Ok(ExitCode::from(exit::of_verdict(comparison.verdict())))
 }
 
 /// Writes the summary where the user and the CI service want it.
@@ -216,6 +219,7 @@ impl Update<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::args::{Messages, ProgressMode, When};
     use crate::metric::aggregate::{TrackerName, UnitResult, UnitStatus, aggregate};
     use crate::metric::error::frame_error;
     use crate::report::{Meta, write_results};
@@ -263,11 +267,7 @@ mod tests {
             write("good", &[wall.clone(), book.clone()]);
             write("bad", &[unit("wall", &[0.5, 9.0, 9.0]), book]);
             write("part", &[wall]);
-            std::fs::write(
-                dir.path().join("good/run.json"),
-                r#"{"command": ["builtin", "-j", "2"]}"#,
-            )
-            .unwrap();
+            std::fs::write(dir.path().join("good/run.json"), r#"{"command": ["builtin"]}"#).unwrap();
             Runs(dir)
         }
 
@@ -288,11 +288,18 @@ mod tests {
         }
 
         fn check(&self, args: &[&str]) -> anyhow::Result<String> {
+            let messages = Messages {
+                quiet: true,
+                verbose: 0,
+                color: When::Never,
+                progress: ProgressMode::None,
+            };
+            let console = Console::new(&messages);
             let run_command = |command: &[String]| {
                 assert_eq!(command, ["builtin"]);
                 Ok(self.path("good"))
             };
-            run(&self.args(args), &run_command).map(|code| format!("{code:?}"))
+            run(&self.args(args), &console, &run_command).map(|code| format!("{code:?}"))
         }
     }
 

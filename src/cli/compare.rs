@@ -1,6 +1,9 @@
 //! `mtf-eval compare`: what changed between runs, and whether it is more than chance.
 
-use super::{Console, Failure, Outcome, exit, print};
+use super::console::{Console, print};
+use super::exit::{Failure, Outcome};
+use super::program::Program;
+use super::values::rate;
 use crate::judge::compare::{Comparison, Options, Run, TrackerChange, Verdict, compare, parse_figure};
 use crate::metric::aggregate::Average;
 use crate::report::{Format, render};
@@ -61,18 +64,12 @@ pub enum AverageArg {
     SeqMean,
 }
 
-fn rate(text: &str) -> Result<f64, String> {
-    let value = text.trim().parse().ok();
-    value
-        .filter(|v: &f64| *v > 0.0 && *v < 1.0)
-        .ok_or_else(|| "expected a number between 0 and 1".into())
-}
-
 /// Runs the command.
 ///
 /// # Errors
 /// Directories that hold no finished run; runs that do not compare.
-pub fn run(args: &CompareArgs, console: &Console) -> Outcome {
+pub fn run(args: &CompareArgs, program: &Program) -> Outcome {
+    let console = &program.console;
     if args.runs.len() < 2 && args.reference.is_none() {
         return Err(Failure::usage(
             "give two runs, or one and --reference TRACKER to compare its trackers with one of them",
@@ -99,11 +96,7 @@ pub fn run(args: &CompareArgs, console: &Console) -> Outcome {
     let found: Vec<Comparison> = runs[first..]
         .iter()
         .map(|run| compare(&runs[0], run, &options))
-        .collect::<Result<_, _>>()
-        .map_err(|e| match e {
-            crate::judge::compare::CompareError::NotComparable(_) => Failure::new(exit::NOT_COMPARABLE, e),
-            other => Failure::usage(other),
-        })?;
+        .collect::<Result<_, _>>()?;
     let text = match args.format {
         Format::Json => json(&found, &options),
         Format::Csv => csv(&found),

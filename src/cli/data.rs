@@ -1,5 +1,7 @@
 //! `mtf-eval data`: looks into datasets and finds what is wrong with them.
 
+use super::exit;
+use super::program::Program;
 use crate::dataset::{self, Dataset, LoadOptions, Severity};
 use anyhow::Result;
 use clap::{Args, Subcommand, ValueEnum};
@@ -8,9 +10,6 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
-
-/// Exit code for faulty data.
-const BAD_DATA: u8 = 2;
 
 /// Find what is wrong with datasets, or show what they hold
 #[derive(Args, Clone, Debug)]
@@ -49,9 +48,9 @@ enum InfoFormat {
 }
 
 /// Runs `data`. Results go to stdout, messages to stderr.
-pub fn run(args: &DataArgs) -> Result<ExitCode> {
+pub fn run(args: &DataArgs, program: &Program) -> Result<ExitCode> {
     match &args.command {
-        DataCommand::Check { paths } => check(paths),
+        DataCommand::Check { paths } => check(paths, program),
         DataCommand::Info {
             paths,
             format,
@@ -60,7 +59,7 @@ pub fn run(args: &DataArgs) -> Result<ExitCode> {
     }
 }
 
-fn check(paths: &[PathBuf]) -> Result<ExitCode> {
+fn check(paths: &[PathBuf], program: &Program) -> Result<ExitCode> {
     let (mut sequences, mut frames, mut errors, mut warnings) = (0, 0, 0, 0);
     let mut out = std::io::stdout().lock();
     for path in paths {
@@ -77,17 +76,17 @@ fn check(paths: &[PathBuf]) -> Result<ExitCode> {
     }
     out.flush()?;
     let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
-    eprintln!(
+    program.console.note(&format!(
         "{}, {}: {}, {}",
         count(sequences, "sequence"),
         count(frames, "frame"),
         count(errors, "error"),
         count(warnings, "warning")
-    );
+    ));
     Ok(if errors == 0 {
         ExitCode::SUCCESS
     } else {
-        ExitCode::from(BAD_DATA)
+        ExitCode::from(exit::USAGE)
     })
 }
 

@@ -1,13 +1,16 @@
 //! `mtf-eval diagnose`: analytic against numeric derivatives.
 
-use super::{Failure, Outcome, exit, print};
+use super::console::print;
+use super::exit::{self, Failure, Outcome};
+use super::experiment::USUAL_FILTER;
+use super::program::Program;
+use super::values::resolution;
 use crate::dataset::{self, LoadOptions};
 use crate::report::{Format, render};
 use mtf::diagnose::{self, Check, PatchPair};
 use mtf::geom::Corners;
 use mtf::image::{Frame, parse_preprocessor};
-use mtf::params::{ParamValue, Resolution};
-use mtf::registry::Registry;
+use mtf::params::Resolution;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -62,16 +65,12 @@ pub struct DiagnoseArgs {
     pub format: Format,
 }
 
-fn resolution(s: &str) -> Result<Resolution, String> {
-    Resolution::parse(s).ok_or_else(|| format!("expected {}", Resolution::allowed()))
-}
-
 /// Runs the command.
 ///
 /// # Errors
 /// Names or data are unusable, or a patch cannot be tracked.
-pub fn run(args: &DiagnoseArgs) -> Outcome {
-    let registry = Registry::builtin();
+pub fn run(args: &DiagnoseArgs, program: &Program) -> Outcome {
+    let registry = &program.catalogue.registry;
     let ams = registry.select_ams(&args.am).map_err(Failure::usage)?;
     let ssms = registry.select_ssms(&args.ssm).map_err(Failure::usage)?;
     let ilms = registry.select_ilms(&args.ilm).map_err(Failure::usage)?;
@@ -99,7 +98,7 @@ pub fn run(args: &DiagnoseArgs) -> Outcome {
     let corners = sequence
         .truth(args.frame)
         .ok_or_else(|| Failure::usage(format!("frame {} is not annotated", args.frame)))?;
-    let pre = parse_preprocessor("gaussian:5:3").map_err(Failure::usage)?;
+    let pre = parse_preprocessor(USUAL_FILTER).map_err(Failure::usage)?;
     let read = |i: usize| {
         sequence
             .read(i, false)
@@ -181,7 +180,7 @@ fn report(checks: &[Check], format: Format) -> Outcome {
     let failed = checks.iter().filter(|c| !c.passed()).count();
     if failed > 0 {
         return Err(Failure::new(
-            10,
+            exit::CHECK_FAILED,
             format!("{failed} of {} derivatives disagree", checks.len()),
         ));
     }

@@ -1,10 +1,11 @@
 //! What an experiment consists of: a grid file, overridden by flags, looked up in the registry and on disk.
 
 use super::args::{ExperimentArgs, FrameLogsArg, OnBadData, SelectionArgs, TrackerArgs};
-use super::args::{at_least_one, at_least_two, positive};
-use super::{Console, Failure, exit};
+use super::console::Console;
+use super::exit::{self, Failure};
+use super::program::Program;
+use super::values::{at_least_one, at_least_two, positive};
 use crate::dataset::{self, Label, LoadOptions, Sequence};
-use crate::judge::baseline::recordable;
 use crate::plan::experiment_file::{Grid, GridError};
 use crate::plan::plan::FrameLogs;
 use crate::plan::protocol::Protocols;
@@ -23,17 +24,18 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// Filter of frames that is not asked for otherwise.
-pub(super) const USUAL_FILTER: &str = "gaussian:5:3";
+pub const USUAL_FILTER: &str = "gaussian:5:3";
 
-/// The request of an experiment, but for how and where it is run. `command` is how it was asked for.
+/// The request of an experiment, but for how and where it is run. `command` is what to record of how it was asked for.
 ///
 /// # Errors
 /// Wrong arguments or grid file, unusable data, nothing selected.
-pub(super) fn experiment(
+pub fn experiment(
     args: &ExperimentArgs,
-    command: &[String],
-    console: &Console,
+    mut command: Vec<String>,
+    program: &Program,
 ) -> Result<RunRequest, Failure> {
+    let (registry, console) = (&program.catalogue.registry, &program.console);
     let grid = args
         .grid
         .as_deref()
@@ -45,20 +47,17 @@ pub(super) fn experiment(
     complete(&mut args, &grid).map_err(Failure::usage)?;
     let pre =
         parse_preprocessor(args.trackers.pre.as_deref().unwrap_or(USUAL_FILTER)).map_err(Failure::usage)?;
-    let registry = Arc::new(Registry::builtin());
     let settings = grid.settings(|name| overridden(&args.trackers, name));
-    let (specs, refused) = specs(&args.trackers, &settings, &registry).map_err(|e| match grid.blame(&e) {
+    let (specs, refused) = specs(&args.trackers, &settings, registry).map_err(|e| match grid.blame(&e) {
         Some(line) => Failure::usage(grid.at(line, e)),
         None => Failure::usage(e),
     })?;
     tell(&refused, console);
-    let trackers = filtered(specs, &args.trackers, &registry, console)?;
+    let trackers = filtered(specs, &args.trackers, registry, console)?;
     let mut sequences = sequences(&args.data, &args.selection, console)?;
     if let Some(name) = &args.selection.gt_ssm {
-        fit_truth(&mut sequences, &registry, name)?;
+        fit_truth(&mut sequences, registry, name)?;
     }
-    // Only what defines the results, so that the file does not depend on threads or places.
-    let mut command = recordable(command);
     if args.data.is_empty() {
         command.insert(0, dataset::BUILTIN.into());
     }
@@ -79,7 +78,7 @@ pub(super) fn experiment(
         memory: u64::MAX,
         out: PathBuf::new(),
         force: false,
-        frame_logs: match args.frame_logs {
+        frame_logs: match args.frame_logs.frame_logs {
             None | Some(FrameLogsArg::Csv) => FrameLogs::Csv,
             Some(FrameLogsArg::Zst) => FrameLogs::Zst,
             Some(FrameLogsArg::None) => FrameLogs::None,
@@ -143,7 +142,7 @@ fn complete(args: &mut ExperimentArgs, grid: &Grid) -> Result<(), GridError> {
     or(&mut selection.on_bad_data, grid, "on_bad_data", |s| {
         OnBadData::from_str(s, true)
     })?;
-    or(&mut args.frame_logs, grid, "frame_logs", |s| {
+    or(&mut args.frame_logs.frame_logs, grid, "frame_logs", |s| {
         FrameLogsArg::from_str(s, true)
     })?;
     or(&mut args.seed, grid, "seed", |s| {
@@ -174,7 +173,7 @@ fn specs(
 ) -> Result<(Vec<TrackerSpec>, Vec<Refusal>), SpecError> {
     // Settings with flags of their own are parameters like any other; --set has the last word.
     let common = [
-        ("res", args.res.clone()),
+        ("res", args.res.map(|r| r.to_string())),
         ("max_iters", args.max_iters.map(|n| n.to_string())),
         ("epsilon", args.epsilon.map(|x| x.to_string())),
         ("channels", args.channels.map(|n| n.to_string())),
@@ -235,13 +234,9 @@ fn tell(refused: &[Refusal], console: &Console) {
 ///
 /// # Errors
 /// Unknown names, bad values, nothing that can work.
-pub(super) fn trackers(
-    args: &TrackerArgs,
-    registry: &Arc<Registry>,
-    console: &Console,
-) -> Result<Vec<TrackerEntry>, Failure> {
-    let (entries, refused) = expand(args, registry, console)?;
-    tell(&refused, console);
+pub fn trackers(args: &TrackerArgs, program: &Program) -> Result<Vec<TrackerEntry>, Failure> {
+    let (entries, refused) = expand(args, program)?;
+    tell(&refused, &program.console);
     Ok(entries)
 }
 
@@ -249,13 +244,10 @@ pub(super) fn trackers(
 ///
 /// # Errors
 /// Unknown names, bad values, nothing that can work.
-pub(super) fn expand(
-    args: &TrackerArgs,
-    registry: &Arc<Registry>,
-    console: &Console,
-) -> Result<(Vec<TrackerEntry>, Vec<Refusal>), Failure> {
+pub fn expand(args: &TrackerArgs, program: &Program) -> Result<(Vec<TrackerEntry>, Vec<Refusal>), Failure> {
+    let registry = &program.catalogue.registry;
     let (specs, refused) = specs(args, &[Vec::new()], registry).map_err(Failure::usage)?;
-    Ok((filtered(specs, args, registry, console)?, refused))
+    Ok((filtered(specs, args, registry, &program.console)?, refused))
 }
 
 /// Those of the trackers that --include and --exclude leave.
@@ -304,7 +296,7 @@ fn filtered(
 ///
 /// # Errors
 /// Data that cannot be read, nothing that passes.
-pub(super) fn sequences(
+pub fn sequences(
     data: &[PathBuf],
     args: &SelectionArgs,
     console: &Console,

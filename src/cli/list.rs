@@ -1,11 +1,13 @@
 //! `mtf-eval list`: what exists, from the tables that everything else uses.
 
-use super::args::{ListArgs, ListWhat};
-use super::{Failure, Outcome, print};
+use super::console::print;
+use super::exit::{Failure, Outcome};
+use super::program::Program;
 use crate::dataset::{self, LoadOptions, OnBadData};
 use crate::metric::error::Metric;
 use crate::metric::score::FIGURES;
 use crate::report::{Format, render};
+use clap::{Args, ValueEnum};
 use mtf::ilm::IlmEntry;
 use mtf::params::ParamInfo;
 use mtf::registry::{Expansion, Registry, Selection};
@@ -13,6 +15,40 @@ use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
+
+/// Arguments of `list`.
+#[derive(Args, Clone, Debug)]
+pub struct ListArgs {
+    /// What to list [default: an overview]
+    pub what: Option<ListWhat>,
+    /// Format on stdout
+    #[arg(long, value_name = "FORMAT", default_value = "table")]
+    pub format: Format,
+    /// Data to list, with `list data` [default: the embedded data set]
+    #[arg(long = "data", value_name = "DIR")]
+    pub data: Vec<PathBuf>,
+}
+
+/// What can be listed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ListWhat {
+    /// Search methods
+    Sm,
+    /// Appearance models
+    Am,
+    /// State space models
+    Ssm,
+    /// Illumination models
+    Ilm,
+    /// Every valid single-layer combination, and why the others are refused
+    Trackers,
+    /// Every parameter with default and range
+    Params,
+    /// Error metrics and figures
+    Metrics,
+    /// Sequences
+    Data,
+}
 
 /// Rows of text under a header.
 struct Listing {
@@ -27,13 +63,13 @@ struct Listing {
 ///
 /// # Errors
 /// Data that cannot be read; stdout cannot be written to.
-pub fn run(args: &ListArgs) -> Outcome {
-    let registry = Registry::builtin();
+pub fn run(args: &ListArgs, program: &Program) -> Outcome {
+    let registry = &program.catalogue.registry;
     let listings = match args.what {
-        Some(what) => vec![listing(what, &registry, &args.data)?],
+        Some(what) => vec![listing(what, registry, &args.data)?],
         None => [ListWhat::Sm, ListWhat::Am, ListWhat::Ssm, ListWhat::Ilm]
             .into_iter()
-            .map(|what| listing(what, &registry, &args.data))
+            .map(|what| listing(what, registry, &args.data))
             .collect::<Result<_, _>>()?,
     };
     let text = match (args.format, listings.as_slice()) {

@@ -1,9 +1,11 @@
 //! `mtf-eval merge`: joins the run directories of shards.
 
-use super::args::{ProgressMode, TableArgs, at_least_one};
+use super::args::TableArgs;
+use super::exit::{self, Failure, Outcome};
+use super::program::Program;
 use super::progress::Progress;
-use super::run::{failure, show};
-use super::{Console, Failure, Outcome, exit};
+use super::run::show;
+use super::values::at_least_one;
 use crate::run::merge::{MergeRequest, Merged, merge};
 use serde_json::Map;
 use std::path::PathBuf;
@@ -35,7 +37,7 @@ pub struct MergeArgs {
 ///
 /// # Errors
 /// Directories that are no runs, are of different runs, are in use or incomplete.
-pub fn run(args: &MergeArgs, progress: ProgressMode, console: &Console) -> Outcome {
+pub fn run(args: &MergeArgs, program: &Program) -> Outcome {
     let request = MergeRequest {
         parts: args.shards.clone(),
         out: args.out.clone(),
@@ -43,8 +45,9 @@ pub fn run(args: &MergeArgs, progress: ProgressMode, console: &Console) -> Outco
         threads: args.threads.unwrap_or(0),
         host: Map::new(),
     };
-    match merge(&request, &Progress::new(console, progress)).map_err(failure)? {
-        Merged::Complete(report) => show(&report, &args.table, console),
+    let progress = Progress::new(&program.console, program.progress);
+    match merge(&request, &progress)? {
+        Merged::Complete(report) => show(&report, &args.table, &program.console),
         Merged::Incomplete(missing) => {
             let mut text = format!(
                 "incomplete: {} of {} units are missing",

@@ -1,9 +1,10 @@
 //! `mtf-eval plan`: what an experiment contains, what it costs, how it is cut.
 
 use super::args::ExperimentArgs;
+use super::console::print;
+use super::exit::Outcome;
 use super::experiment::experiment;
-use super::run::failure;
-use super::{Console, Outcome, print};
+use super::program::Program;
 use crate::plan::plan::Plan;
 use crate::plan::shard::Cut;
 use crate::plan::shard::Shard;
@@ -58,12 +59,12 @@ struct Part {
 ///
 /// # Errors
 /// Wrong arguments or grid file, unusable data, nothing selected.
-pub fn run(args: &PlanArgs, console: &Console) -> Outcome {
-    let request = experiment(&args.experiment, &[], console)?;
-    let plan = request.plan().map_err(failure)?;
+pub fn run(args: &PlanArgs, program: &Program) -> Outcome {
+    let request = experiment(&args.experiment, Vec::new(), program)?;
+    let plan = request.plan()?;
     let estimate = match args.measure {
         0 => None,
-        n => Some(estimate(&request, n).map_err(failure)?),
+        n => Some(estimate(&request, n)?),
     };
     let parts = args.shards.map(|(cut, count)| {
         let sharding = Sharding::new(&plan, cut, count);
@@ -106,8 +107,9 @@ pub fn run(args: &PlanArgs, console: &Console) -> Outcome {
         print(&format!("{:#}\n", Value::Object(value)))?;
         return Ok(ExitCode::SUCCESS);
     }
-    let table =
-        |header: &[&str], rows: &[Vec<String>]| render(header, rows, args.format, console.table_colour);
+    let table = |header: &[&str], rows: &[Vec<String>]| {
+        render(header, rows, args.format, program.console.table_colour)
+    };
     let rows: Vec<Vec<String>> = totals
         .into_iter()
         .map(|(k, _, text)| vec![k.replace('_', " "), text])

@@ -1,7 +1,7 @@
 //! Progress of a run on stderr: a bar on terminals, now and then a line elsewhere.
 
-use super::Console;
 use super::args::ProgressMode;
+use super::console::Console;
 use crate::run::runner::Observer;
 use crate::store::journal::Entry;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};

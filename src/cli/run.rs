@@ -1,19 +1,21 @@
 //! `mtf-eval run`: from the arguments to a request for the runner, and from its report to the table.
 
-use super::args::{Cli, Command, ExecutionArgs, ProgressMode, RunArgs, TableArgs};
+use super::args::{ExecutionArgs, ExperimentArgs, Messages, TableArgs};
+use super::console::{Console, print};
+use super::exit::{self, Failure, Outcome};
 use super::experiment::experiment;
+use super::program::Program;
 use super::progress::Progress;
-use super::{Console, Failure, Outcome, exit, print};
+use super::recorded::recorded;
+use super::signals::stop_on_signals;
 use crate::plan::request::RunRequest;
 use crate::report::{TableOptions, table};
 use crate::run::runner::RunReport;
-use crate::store::rundir::RunError;
-use clap::Parser;
-use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
+use clap::{Args, Parser};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 /// Memory for trackers that nobody asked for: more makes nothing faster, as groups of trackers are bounded.
 const MOST_MEMORY: u64 = 3 << 30;
@@ -21,27 +23,53 @@ const MOST_MEMORY: u64 = 3 << 30;
 /// Failed units named on stderr; the rest is in the files.
 const FAILURES_SHOWN: usize = 5;
 
+/// Arguments of `run`.
+#[derive(Args, Clone, Debug)]
+pub struct RunArgs {
+    /// What to run.
+    #[command(flatten)]
+    pub experiment: ExperimentArgs,
+    /// How to run.
+    #[command(flatten)]
+    pub execution: ExecutionArgs,
+    /// How to print the result.
+    #[command(flatten)]
+    pub table: TableArgs,
+}
+
+/// The arguments of a `run` without the program.
+#[derive(Parser)]
+#[command(name = "mtf-eval run", no_binary_name = true)]
+struct Repeated {
+    #[command(flatten)]
+    run: RunArgs,
+    #[command(flatten)]
+    _messages: Messages,
+}
+
 /// Runs the command.
 ///
 /// # Errors
 /// Wrong arguments, unusable data or output directory, nothing selected, or stopped early.
-pub fn run(args: &RunArgs, progress: ProgressMode, console: &Console) -> Outcome {
-    let command: Vec<String> = std::env::args().collect();
-    let report = track(args, &command, progress, console)?;
+pub fn run(args: &RunArgs, program: &Program) -> Outcome {
+    let typed = &program.arguments;
+    // Before the command there are but flags of messages, none of which has this value.
+    let own = typed.iter().position(|word| word == "run").map_or(0, |at| at + 1);
+    let report = track(args, &typed[own..], program)?;
     if let Some(shard) = args.execution.shard {
-        console.note(&format!(
+        program.console.note(&format!(
             "{shard}: {} units; join the shards with `mtf-eval merge`",
             report.units
         ));
     }
-    show(&report, &args.table, console)
+    show(&report, &args.table, &program.console)
 }
 
 /// Prints the table of a finished run; its exit code.
 ///
 /// # Errors
 /// Stdout cannot be written to.
-pub(super) fn show(report: &RunReport, args: &TableArgs, console: &Console) -> Outcome {
+pub fn show(report: &RunReport, args: &TableArgs, console: &Console) -> Outcome {
     let options = TableOptions {
         format: args.format,
         sort: args.sort.clone(),
@@ -73,30 +101,14 @@ pub(super) fn show(report: &RunReport, args: &TableArgs, console: &Console) -> O
 ///
 /// # Errors
 /// As [`run`].
-pub fn run_recorded(
-    command: &[String],
-    progress: ProgressMode,
-    console: &Console,
-) -> Result<PathBuf, Failure> {
-    let words = ["mtf-eval", "run"]
-        .into_iter()
-        .map(str::to_owned)
-        .chain(command.iter().cloned());
-    match Cli::try_parse_from(words).map(|cli| cli.command) {
-        Ok(Command::Run(args)) => Ok(track(&args, command, progress, console)?.path),
-        Ok(_) => Err(Failure::usage("not the arguments of a run")),
-        Err(error) => Err(Failure::usage(error.render())),
-    }
+pub fn repeat(words: &[String], program: &Program) -> Result<PathBuf, Failure> {
+    let parsed = Repeated::try_parse_from(words).map_err(|error| Failure::usage(error.render()))?;
+    Ok(track(&parsed.run, words, program)?.path)
 }
 
-/// Tracks what `args` ask for. `command` is how they were given.
-fn track(
-    args: &RunArgs,
-    command: &[String],
-    progress: ProgressMode,
-    console: &Console,
-) -> Result<RunReport, Failure> {
-    let request = request(args, command, console)?;
+/// Tracks what `args` ask for. `words` is how they were typed.
+fn track(args: &RunArgs, words: &[String], program: &Program) -> Result<RunReport, Failure> {
+    let request = request(args, words, program)?;
     let stop = stop_on_signals()?;
     if let Some(limit) = args.execution.max_time {
         let stop = Arc::clone(&stop);
@@ -105,38 +117,13 @@ fn track(
             stop.store(true, Ordering::Relaxed);
         });
     }
-    crate::run::run(&request, &Progress::new(console, progress), &stop).map_err(failure)
-}
-
-/// Set by an interrupt, a request to terminate or SIGUSR1 (what batch systems send before time is up).
-///
-/// # Errors
-/// The system refuses.
-pub(super) fn stop_on_signals() -> Result<Arc<AtomicBool>, Failure> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM, SIGUSR1] {
-        // A second signal ends the process at once: a killed run is resumed all the same.
-        signal_hook::flag::register_conditional_default(signal, Arc::clone(&stop))
-            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
-            .map_err(|e| Failure::usage(format!("cannot handle signals: {e}")))?;
-    }
-    Ok(stop)
-}
-
-/// What an error of a run means to the caller.
-pub(super) fn failure(error: RunError) -> Failure {
-    let code = match &error {
-        RunError::Locked { .. } | RunError::Interrupted { .. } | RunError::DiskFull(_) => exit::STOPPED,
-        RunError::Nothing(_) => exit::NOTHING,
-        RunError::Mismatch { .. } => exit::NOT_COMPARABLE,
-        _ => exit::USAGE,
-    };
-    Failure::new(code, error)
+    let progress = Progress::new(&program.console, program.progress);
+    Ok(crate::run::run(&request, &progress, &stop)?)
 }
 
 /// The request that the arguments describe.
-fn request(args: &RunArgs, command: &[String], console: &Console) -> Result<RunRequest, Failure> {
-    let mut request = experiment(&args.experiment, command, console)?;
+fn request(args: &RunArgs, words: &[String], program: &Program) -> Result<RunRequest, Failure> {
+    let mut request = experiment(&args.experiment, recorded(words), program)?;
     let ExecutionArgs {
         out,
         force,
@@ -165,7 +152,7 @@ fn request(args: &RunArgs, command: &[String], console: &Console) -> Result<RunR
 
 /// `results/<UTC date-time>-<hash of what is run>`.
 fn default_out(request: &RunRequest) -> Result<PathBuf, Failure> {
-    let plan = request.plan().map_err(failure)?;
+    let plan = request.plan()?;
     let plan = serde_json::to_vec(&plan).map_err(Failure::usage)?;
     let format = time::macros::format_description!("[year][month][day]-[hour][minute][second]");
     let now = time::OffsetDateTime::now_utc()

@@ -1,7 +1,8 @@
 //! `mtf-eval status`: how far run directories are.
 
-use super::run::failure;
-use super::{Console, Failure, Outcome, exit, print};
+use super::console::print;
+use super::exit::{self, Failure, Outcome};
+use super::program::Program;
 use crate::report::{Format, render};
 use crate::store::status::{Activity, Status, status};
 use std::path::PathBuf;
@@ -25,11 +26,12 @@ pub struct StatusArgs {
 ///
 /// # Errors
 /// A directory that is no run directory, or cannot be read.
-pub fn run(args: &StatusArgs, console: &Console) -> Outcome {
+pub fn run(args: &StatusArgs, program: &Program) -> Outcome {
+    let console = &program.console;
     let all: Vec<(String, Status)> = args
         .dirs
         .iter()
-        .map(|dir| Ok((dir.display().to_string(), status(dir).map_err(failure)?)))
+        .map(|dir| Ok((dir.display().to_string(), status(dir)?)))
         .collect::<Result<_, Failure>>()?;
     let header = [
         "directory",

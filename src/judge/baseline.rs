@@ -255,61 +255,8 @@ impl Baseline {
     }
 }
 
-/// The arguments of `mtf-eval run` without what cannot change a figure (where to write, how many threads, what to
-/// print), so that a baseline says the same whoever recorded it. A leading program name and `run` are dropped.
-pub fn recordable(command: &[String]) -> Vec<String> {
-    const WITH_VALUE: [&str; 15] = [
-        "--out",
-        "-o",
-        "--threads",
-        "--threads-per-tracker",
-        "-j",
-        "--shard",
-        "--format",
-        "--color",
-        "--progress",
-        "--sort",
-        "--top",
-        "--memory",
-        "--max-time",
-        "--grace",
-        "--frame-logs",
-    ];
-    const ALONE: [&str; 7] = ["-q", "--quiet", "-v", "-vv", "--verbose", "--force", "--resume"];
-    let program = |s: &String| {
-        Path::new(s)
-            .file_stem()
-            .is_some_and(|n| n == env!("CARGO_PKG_NAME"))
-    };
-    let mut rest = command;
-    if rest.first().is_some_and(program) {
-        rest = &rest[1..];
-    }
-    if rest.first().is_some_and(|s| s == "run") {
-        rest = &rest[1..];
-    }
-    let mut kept = Vec::new();
-    let mut arguments = rest.iter();
-    while let Some(a) = arguments.next() {
-        let joined = |w: &&str| match w.strip_prefix("--") {
-            Some(_) => a.strip_prefix(*w).is_some_and(|v| v.starts_with('=')),
-            None => a.len() > w.len() && a.starts_with(*w) && !a.starts_with("--"),
-        };
-        if a == "--" {
-            kept.push(a.clone());
-            kept.extend(arguments.cloned());
-            break;
-        } else if WITH_VALUE.contains(&a.as_str()) {
-            arguments.next();
-        } else if !ALONE.contains(&a.as_str()) && !WITH_VALUE.iter().any(joined) {
-            kept.push(a.clone());
-        }
-    }
-    kept
-}
-
-/// The command that made the run directory `dir`, from the array `command` in its `run.json`, as [`recordable`]
-/// leaves it; `None` when it is not recorded.
+/// The command that made the run directory `dir`, from the array `command` in its `run.json`; `None` when it is
+/// not recorded.
 pub fn recorded_command(dir: &Path) -> Option<Vec<String>> {
     #[derive(Deserialize)]
     struct Run {
@@ -317,7 +264,7 @@ pub fn recorded_command(dir: &Path) -> Option<Vec<String>> {
     }
     let text = std::fs::read(dir.join("run.json")).ok()?;
     let run: Run = serde_json::from_slice(&text).ok()?;
-    Some(recordable(&run.command))
+    Some(run.command)
 }
 
 #[cfg(test)]
@@ -365,22 +312,14 @@ mod tests {
     }
 
     #[test]
-    fn recorded_commands_are_portable() {
-        let args = |s: &str| s.split(' ').map(str::to_owned).collect::<Vec<_>>();
-        assert_eq!(
-            recordable(&args(
-                "/x/mtf-eval run builtin --out=a -j4 -j 2 --sm esm -q --threads 3 --seed 1 --force"
-            )),
-            args("builtin --sm esm --seed 1")
-        );
-        assert_eq!(recordable(&args("--sort auc -- -j")), args("-- -j"));
+    fn recorded_commands_are_read() {
         let dir = tempfile::tempdir().unwrap();
         assert_eq!(recorded_command(dir.path()), None);
         std::fs::write(
             dir.path().join("run.json"),
-            r#"{"seed": 1, "command": ["builtin", "--out", "x"]}"#,
+            r#"{"seed": 1, "command": ["builtin"]}"#,
         )
         .unwrap();
-        assert_eq!(recorded_command(dir.path()), Some(args("builtin")));
+        assert_eq!(recorded_command(dir.path()), Some(vec!["builtin".to_owned()]));
     }
 }

@@ -43,18 +43,6 @@ pub enum Verdict {
     Incomplete,
 }
 
-impl Verdict {
-    /// Exit code of `mtf-eval check`.
-    pub fn exit_code(self) -> u8 {
-        match self {
-            Verdict::Passed => 0,
-            Verdict::Dropped => 10,
-            Verdict::NotComparable => 11,
-            Verdict::Incomplete => 21,
-        }
-    }
-}
-
 /// A run against a baseline.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Comparison {

@@ -1,5 +1,6 @@
 //! What `check` says: for people, for programs, and in Markdown for the page of a CI run.
 
+use crate::cli::exit::of_verdict;
 use crate::judge::baseline::{Figure, Key};
 use crate::judge::gate::{Change, Comparison, Tolerances, Verdict};
 use crate::report::{Format, render};
@@ -171,7 +172,7 @@ pub fn json(comparison: &Comparison, tolerances: Option<&Tolerances>) -> String 
     let changes = |list: &[Change]| list.iter().map(change).collect::<Vec<_>>();
     let value = serde_json::json!({
         "passed": comparison.verdict() == Verdict::Passed,
-        "exit_code": comparison.verdict().exit_code(),
+        "exit_code": of_verdict(comparison.verdict()),
         "tolerances": tolerances,
         "drops": changes(&comparison.drops),
         "improved": changes(&comparison.improved),

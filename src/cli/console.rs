@@ -1,0 +1,81 @@
+//! What people read: messages on stderr, results on stdout.
+
+use super::args::{Messages, When};
+use super::exit::{self, Failure};
+use std::io::{self, IsTerminal, Write};
+
+/// Where messages go.
+#[derive(Debug)]
+pub struct Console {
+    /// Errors only.
+    pub quiet: bool,
+    /// How much more to say.
+    pub verbose: u8,
+    colour: bool,
+    /// Whether tables on stdout are coloured.
+    pub table_colour: bool,
+}
+
+impl Console {
+    /// As the user asked for it.
+    pub fn new(messages: &Messages) -> Console {
+        let colour = |terminal: bool| match messages.color {
+            When::Auto => terminal && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty()),
+            When::Always => true,
+            When::Never => false,
+        };
+        Console {
+            quiet: messages.quiet,
+            verbose: messages.verbose,
+            colour: colour(io::stderr().is_terminal()),
+            table_colour: colour(io::stdout().is_terminal()),
+        }
+    }
+
+    fn say(&self, colour: &str, word: &str, message: &str) {
+        // Nobody to tell if stderr is gone.
+        let _ = if self.colour {
+            writeln!(io::stderr(), "\x1b[1;{colour}m{word}:\x1b[0m {message}")
+        } else {
+            writeln!(io::stderr(), "{word}: {message}")
+        };
+    }
+
+    /// Something went wrong.
+    pub fn error(&self, message: &str) {
+        self.say("31", "error", message);
+    }
+
+    /// Something looks wrong.
+    pub fn warn(&self, message: &str) {
+        if !self.quiet {
+            self.say("33", "warning", message);
+        }
+    }
+
+    /// Something worth knowing.
+    pub fn note(&self, message: &str) {
+        if !self.quiet {
+            let _ = writeln!(io::stderr(), "{message}");
+        }
+    }
+}
+
+/// Prints results to stdout. A reader that has seen enough (`| head`) is no failure.
+///
+/// # Errors
+/// Stdout cannot be written to.
+pub fn print(text: &str) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
+            let full = matches!(
+                e.kind(),
+                io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
+            );
+            let code = if full { exit::STOPPED } else { exit::USAGE };
+            Err(Failure::new(code, format!("standard output: {e}")))
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,141 @@
+//! How commands end: exit codes, and which code each error of the library has. Nothing else knows exit codes.
+
+use crate::judge::compare::CompareError;
+use crate::judge::gate::Verdict;
+use crate::measure::basin::BasinError;
+use crate::store::rundir::RunError;
+use std::fmt::Display;
+use std::io;
+use std::process::ExitCode;
+
+/// Usage or bad input.
+pub const USAGE: u8 = 2;
+/// Filters selected nothing.
+pub const NOTHING: u8 = 4;
+/// A check found something wrong.
+pub const CHECK_FAILED: u8 = 10;
+/// Runs that measure different things.
+pub const NOT_COMPARABLE: u8 = 11;
+/// Some runs failed.
+pub const FAILED: u8 = 20;
+/// Incomplete: shards or units are missing.
+pub const INCOMPLETE: u8 = 21;
+/// Stopped early; nothing lost, run again.
+pub const STOPPED: u8 = 75;
+/// A bug: a panic that nothing caught.
+pub const INTERNAL: u8 = 101;
+
+/// The codes as the help names them.
+const DOCUMENTED: [(u8, &str); 8] = [
+    (0, "success"),
+    (USAGE, "usage or bad input"),
+    (NOTHING, "filters selected nothing"),
+    (CHECK_FAILED, "check or diagnose failed"),
+    (NOT_COMPARABLE, "not comparable"),
+    (FAILED, "some runs failed (the others are complete)"),
+    (INCOMPLETE, "incomplete"),
+    (STOPPED, "stopped early (run again)"),
+];
+
+/// The last paragraph of the help.
+pub fn help() -> String {
+    let codes: Vec<String> = DOCUMENTED
+        .iter()
+        .map(|(code, meaning)| format!("{code} {meaning}"))
+        .collect();
+    format!("Exit codes: {}", codes.join(", "))
+}
+
+/// Why a command ends without success.
+#[derive(Debug)]
+pub struct Failure {
+    /// Exit code.
+    pub code: u8,
+    message: String,
+}
+
+impl Failure {
+    /// A failure with one of the codes of this module.
+    pub fn new(code: u8, message: impl Display) -> Failure {
+        Failure {
+            code,
+            message: message.to_string(),
+        }
+    }
+
+    /// Wrong arguments or unusable input.
+    pub fn usage(message: impl Display) -> Failure {
+        Failure::new(USAGE, message)
+    }
+}
+
+impl Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for Failure {}
+
+/// Exit code of a command that did what it could.
+pub type Outcome = Result<ExitCode, Failure>;
+
+impl From<RunError> for Failure {
+    fn from(error: RunError) -> Failure {
+        let code = match &error {
+            RunError::Locked { .. } | RunError::Interrupted { .. } | RunError::DiskFull(_) => STOPPED,
+            RunError::Nothing(_) => NOTHING,
+            RunError::Mismatch { .. } => NOT_COMPARABLE,
+            _ => USAGE,
+        };
+        Failure::new(code, error)
+    }
+}
+
+impl From<BasinError> for Failure {
+    fn from(error: BasinError) -> Failure {
+        let code = match error {
+            BasinError::Stopped => STOPPED,
+            _ => USAGE,
+        };
+        Failure::new(code, error)
+    }
+}
+
+impl From<CompareError> for Failure {
+    fn from(error: CompareError) -> Failure {
+        let code = match error {
+            CompareError::NotComparable(_) => NOT_COMPARABLE,
+            _ => USAGE,
+        };
+        Failure::new(code, error)
+    }
+}
+
+/// Exit code of `check`.
+pub fn of_verdict(verdict: Verdict) -> u8 {
+    match verdict {
+        Verdict::Passed => 0,
+        Verdict::Dropped => CHECK_FAILED,
+        Verdict::NotComparable => NOT_COMPARABLE,
+        Verdict::Incomplete => INCOMPLETE,
+    }
+}
+
+/// What an error with a chain of causes means. A reader of stdout that has seen enough (`| head`) is no failure.
+///
+/// # Errors
+/// Any other cause.
+pub fn of_chain(error: anyhow::Error) -> Outcome {
+    let closed = |e: &io::Error| e.kind() == io::ErrorKind::BrokenPipe;
+    if error
+        .chain()
+        .any(|cause| cause.downcast_ref().is_some_and(closed))
+    {
+        return Ok(ExitCode::SUCCESS);
+    }
+    let code = error
+        .downcast_ref()
+        .map_or(USAGE, |failure: &Failure| failure.code);
+    Err(Failure::new(code, format!("{error:#}")))
+}

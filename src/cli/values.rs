@@ -1,0 +1,145 @@
+//! Values of arguments that are more than a word: numbers within bounds, sizes, times, assignments.
+
+use mtf::params::{ParamValue, Resolution};
+use std::time::Duration;
+
+/// `NAME=VALUE`.
+pub fn assignment(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() && !value.trim().is_empty() => {
+            Ok((name.trim().to_string(), value.trim().to_string()))
+        }
+        _ => Err("expected NAME=VALUE, such as esm.max_iters=50".into()),
+    }
+}
+
+/// Columns x rows of a sampling grid.
+pub fn resolution(text: &str) -> Result<Resolution, String> {
+    Resolution::parse(&text.trim().to_ascii_lowercase())
+        .ok_or_else(|| format!("expected {}", Resolution::allowed()))
+}
+
+/// 1 (gray) or 3 (colour).
+pub fn channels(text: &str) -> Result<usize, String> {
+    match text.trim() {
+        "1" => Ok(1),
+        "3" => Ok(3),
+        _ => Err("expected 1 or 3".into()),
+    }
+}
+
+/// A finite number that is not negative.
+pub fn non_negative(text: &str) -> Result<f64, String> {
+    let value = text.trim().parse().ok();
+    value
+        .filter(|v: &f64| v.is_finite() && *v >= 0.0)
+        .ok_or_else(|| "expected a number, 0 or more".into())
+}
+
+/// A number above 0.
+pub fn positive(text: &str) -> Result<f64, String> {
+    let value = text.trim().parse().ok();
+    let value = value.filter(|v: &f64| *v > 0.0 && *v < 1e12);
+    value.ok_or_else(|| "expected a number above 0".into())
+}
+
+/// A number above 0 and below 1.
+pub fn rate(text: &str) -> Result<f64, String> {
+    let value = text.trim().parse().ok();
+    value
+        .filter(|v: &f64| *v > 0.0 && *v < 1.0)
+        .ok_or_else(|| "expected a number between 0 and 1".into())
+}
+
+fn at_least(least: usize, text: &str) -> Result<usize, String> {
+    let value = text.trim().parse().ok();
+    value
+        .filter(|&n| n >= least)
+        .ok_or_else(|| format!("expected a whole number, {least} or more"))
+}
+
+/// A whole number from 1.
+pub fn at_least_one(text: &str) -> Result<usize, String> {
+    at_least(1, text)
+}
+
+/// A whole number from 2.
+pub fn at_least_two(text: &str) -> Result<usize, String> {
+    at_least(2, text)
+}
+
+/// A time: a bare number is seconds, else numbers with units.
+pub fn duration(text: &str) -> Result<Duration, String> {
+    let seconds = text.trim().parse().ok();
+    let bare = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
+    bare.or_else(|| humantime::parse_duration(text.trim()).ok())
+        .ok_or_else(|| "expected a time such as 90, 90s, 15m or 2h".into())
+}
+
+/// Bytes; K, M, G and T are powers of 1024.
+pub fn size(text: &str) -> Result<u64, String> {
+    let parser = parse_size::Config::new().with_binary();
+    let bytes = parser.parse_size(text.trim()).ok();
+    bytes
+        .filter(|&n| n > 0)
+        .ok_or_else(|| "expected a size such as 4G or 512M".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_powers_of_1024() {
+        for (text, bytes) in [
+            ("4G", 4 << 30),
+            ("2g", 2 << 30),
+            ("500M", 500 << 20),
+            ("1.5 MiB", 3 << 19),
+            ("1kb", 1 << 10),
+            ("100", 100),
+            ("100B", 100),
+            ("1T", 1 << 40),
+        ] {
+            assert_eq!(size(text), Ok(bytes), "{text}");
+        }
+        for bad in ["", "G", "-1G", "4X", "nan", "0", "0G"] {
+            assert!(size(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn times_are_seconds_or_have_units() {
+        for (text, seconds) in [
+            ("90", 90),
+            ("90s", 90),
+            ("1.5m", 90),
+            ("15min", 900),
+            ("90m", 5400),
+            ("2h", 7200),
+            ("1h30m", 5400),
+            ("1d", 86400),
+            ("0", 0),
+        ] {
+            assert_eq!(duration(text), Ok(Duration::from_secs(seconds)), "{text}");
+        }
+        for bad in ["", "m", "-1", "3x", "nan", "inf", "1e300"] {
+            assert!(duration(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn other_values_are_checked() {
+        let grid = |text: &str| resolution(text).map(|r| r.to_string());
+        assert_eq!(grid("50x40"), Ok("50x40".into()));
+        assert_eq!(grid("25"), Ok("25x25".into()));
+        for bad in ["", "x", "0x5", "5x", "50x50x50"] {
+            assert!(resolution(bad).is_err(), "{bad}");
+        }
+        let set = |name: &str, value: &str| Ok((name.to_owned(), value.to_owned()));
+        assert_eq!(assignment("esm.max_iters = 5"), set("esm.max_iters", "5"));
+        for bad in ["x", "=", "x=", "=5"] {
+            assert!(assignment(bad).is_err(), "{bad}");
+        }
+    }
+}
