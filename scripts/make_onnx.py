@@ -2,7 +2,7 @@
 # requires-python = ">=3.10"
 # dependencies = ["onnx>=1.16", "numpy"]
 # ///
-"""Writes the network of the tests: tests/data/edges.onnx.
+"""Writes the network of the tests: crates/mtf/tests/data/edges.onnx.
 
 Two layers of convolutions with fixed weights, for gray patches of any size: eight oriented derivative filters and a
 bias each, ReLU, then a 3x3 smoothing filter per map. `uv run scripts/make_onnx.py [FILE]`.
@@ -28,7 +28,7 @@ def oriented(k: int) -> np.ndarray:
 
 
 def main() -> None:
-    path = sys.argv[1] if len(sys.argv) > 1 else "tests/data/edges.onnx"
+    path = sys.argv[1] if len(sys.argv) > 1 else "crates/mtf/tests/data/edges.onnx"
     first = np.stack([oriented(k)[None] for k in range(MAPS)]).astype(np.float32)
     # A small bias keeps flat parts of a patch on the sloped side of the ReLU.
     bias = np.full(MAPS, 2.0, np.float32)

@@ -1,14 +1,25 @@
 //! Real sequences: success rates against the reference scores of the original C++ system, tracker by tracker and
 //! sequence by sequence. Needs the optional external data folder.
 
-#[path = "common/shared.rs"]
-mod shared;
-
+use crate::harness::shared;
 use mtf::image::{Frame, parse_preprocessor};
 use mtf::registry::{Registry, Selection};
 use mtf_eval::dataset::{self, LoadOptions, Sequence};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+
+crate::tests! {
+    every_frame needs Shared;
+    low_degrees_of_freedom needs Shared;
+    other_coordinates_of_the_homography needs Shared;
+    scales_and_rotation needs Shared;
+    coordinates_do_not_matter needs Shared;
+    every_third_frame needs Shared;
+    every_sixth_frame needs Shared;
+    searches_that_sample needs Shared;
+    composites_at_every_tenth_frame needs Shared;
+    inverse_additive_tracks_what_inverse_compositional_does needs Shared;
+}
 
 /// Appearance models held to the reference sequence by sequence.
 const FINISHED: &str = "ssd,zncc,ncc,nssd,ssim,spss,riu,scv,rscv,lscv,lrscv,mi,ccre,ngf";
@@ -58,8 +69,8 @@ struct Score {
 /// Tracker, sequence.
 type Scores = BTreeMap<(String, String), Score>;
 
-fn reference(file: &str, gap: usize) -> Option<Scores> {
-    let path = shared::shared("reference")?.join(file);
+fn reference(file: &str, gap: usize) -> Scores {
+    let path = shared("reference").join(file);
     let mut out = Scores::new();
     for row in csv::Reader::from_path(path)
         .unwrap()
@@ -82,7 +93,7 @@ fn reference(file: &str, gap: usize) -> Option<Scores> {
             out.insert((id, row["seq"].clone()), score);
         }
     }
-    Some(out)
+    out
 }
 
 /// Tracks a sequence with all trackers at once; success rates of each.
@@ -158,12 +169,7 @@ fn compare_pooled(file: &str, gap: usize, selection: &Selection) {
 }
 
 fn compare_with(file: &str, gap: usize, selection: &Selection, each: bool) {
-    let Some(reference) = reference(file, gap) else {
-        return;
-    };
-    let Some(data) = shared::shared("data/real") else {
-        return;
-    };
+    let (reference, data) = (reference(file, gap), shared("data/real"));
     let specs = Registry::builtin().expand(selection).unwrap().specs;
     let known: std::collections::BTreeSet<&String> = reference.keys().map(|(id, _)| id).collect();
     let ids: Vec<String> = specs
@@ -183,10 +189,6 @@ fn compare_with(file: &str, gap: usize, selection: &Selection, each: bool) {
     .sequences;
     let scores: Vec<(&Sequence, Vec<Score>)> = sequences.par_iter().map(|s| (s, track(s, &ids))).collect();
     let mut faults = Vec::new();
-    println!(
-        "{:24} {:>4} {:>17} {:>17}",
-        "tracker", "gap", "SR@2 (original)", "SR@5 (original)"
-    );
     for (k, id) in ids.iter().enumerate() {
         let mut pooled = [Score::default(); 2];
         let mut every = Score::default();
@@ -225,14 +227,9 @@ fn compare_with(file: &str, gap: usize, selection: &Selection, each: bool) {
             faults.push(format!("{id}: {kept} of all frames within 5 px, not {floor}"));
         }
         if pooled[0].frames == 0.0 {
-            println!("{id:24} {gap:>4}                   {kept:.4}");
             continue;
         }
         let [ours, theirs] = pooled.map(|p| (p.sr2 / p.frames, p.sr5 / p.frames));
-        println!(
-            "{id:24} {gap:>4} {:.4} ({:.4})   {:.4} ({:.4})",
-            ours.0, theirs.0, ours.1, theirs.1
-        );
         // The reference has four decimals.
         if ours.0 < theirs.0 - 0.003 - 1e-4 || ours.1 < theirs.1 - 1e-4 {
             faults.push(format!(
@@ -253,12 +250,10 @@ fn selection(sm: &str, am: &str, ssm: &str) -> Selection {
     }
 }
 
-#[test]
 fn every_frame() {
     compare("mtf_real.csv", 1, &selection("gradient", FINISHED, "homography"));
 }
 
-#[test]
 fn low_degrees_of_freedom() {
     compare(
         "mtf_real.csv",
@@ -271,7 +266,6 @@ fn low_degrees_of_freedom() {
     );
 }
 
-#[test]
 fn other_coordinates_of_the_homography() {
     compare(
         "mtf_real.csv",
@@ -282,17 +276,13 @@ fn other_coordinates_of_the_homography() {
 
 /// Pooled only: the original's compositional steps leave the family (it keeps the unprojected product), so that single
 /// sequences differ both ways.
-#[test]
 fn scales_and_rotation() {
     compare_pooled("mtf_real.csv", 1, &selection("gradient", FINISHED, "asrt"));
 }
 
 /// Homographies in any coordinates end in the same place.
-#[test]
 fn coordinates_do_not_matter() {
-    let Some(data) = shared::shared("data/real") else {
-        return;
-    };
+    let data = shared("data/real");
     let names = ["homography", "liehomography", "sl3", "cbh"];
     let ids: Vec<String> = ["falk", "ialk", "fclk", "iclk", "esm"]
         .iter()
@@ -308,17 +298,14 @@ fn coordinates_do_not_matter() {
     });
 }
 
-#[test]
 fn every_third_frame() {
     compare("mtf_gap.csv", 3, &selection("gradient", FINISHED, "homography"));
 }
 
-#[test]
 fn every_sixth_frame() {
     compare("mtf_gap.csv", 6, &selection("gradient", FINISHED, "homography"));
 }
 
-#[test]
 fn searches_that_sample() {
     for (file, gap) in [("mtf_real.csv", 1), ("mtf_gap.csv", 3), ("mtf_gap.csv", 6)] {
         compare(file, gap, &selection("nn", "ssd", "homography"));
@@ -326,7 +313,6 @@ fn searches_that_sample() {
     compare("mtf_real.csv", 1, &selection("pf", "ncc", "homography"));
 }
 
-#[test]
 fn composites_at_every_tenth_frame() {
     compare_pooled(
         "mtf_gap.csv",
@@ -337,11 +323,8 @@ fn composites_at_every_tenth_frame() {
 }
 
 /// The original loses nearly everything with IALK; here it tracks wherever ICLK does.
-#[test]
 fn inverse_additive_tracks_what_inverse_compositional_does() {
-    let Some(data) = shared::shared("data/real") else {
-        return;
-    };
+    let data = shared("data/real");
     let ids: Vec<String> = ["ssd", "zncc", "ncc"]
         .iter()
         .flat_map(|am| ["iclk", "ialk"].map(|sm| format!("{sm}/{am}/homography")))

@@ -7,6 +7,13 @@ use mtf::registry::{Registry, Selection};
 use mtf_eval::dataset;
 use rayon::prelude::*;
 
+crate::tests! {
+    subspaces_features_and_sums_track_what_is_plain;
+    a_sum_tracks_with_every_member_that_tracks_alone;
+    measures_of_contrast_ratio_and_tone_are_exact_on_what_is_plain;
+    models_made_for_it_follow_a_change_of_lighting;
+}
+
 /// Share of frames within 5 px, and the mean error, of each tracker on every sequence with a tag.
 fn track(tag: &str, trackers: &[String]) -> Vec<(String, f64, f64)> {
     let registry = Registry::builtin();
@@ -48,7 +55,6 @@ fn track(tag: &str, trackers: &[String]) -> Vec<(String, f64, f64)> {
     runs.concat()
 }
 
-#[test]
 fn subspaces_features_and_sums_track_what_is_plain() {
     let list = |s: &str| vec![s.to_owned()];
     let selection = Selection {
@@ -70,7 +76,6 @@ fn subspaces_features_and_sums_track_what_is_plain() {
     }
 }
 
-#[test]
 fn a_sum_tracks_with_every_member_that_tracks_alone() {
     let members = AMS.iter().filter(|e| {
         let am = (e.build)(&[]).unwrap();
@@ -87,7 +92,6 @@ fn a_sum_tracks_with_every_member_that_tracks_alone() {
     }
 }
 
-#[test]
 fn measures_of_contrast_ratio_and_tone_are_exact_on_what_is_plain() {
     for (model, bar) in [("lscv", 0.1), ("lrscv", 0.1), ("riu", 0.045), ("spss", 0.06)] {
         let runs = track("plain", &[format!("esm/{model}/homography")]);
@@ -97,7 +101,6 @@ fn measures_of_contrast_ratio_and_tone_are_exact_on_what_is_plain() {
     }
 }
 
-#[test]
 fn models_made_for_it_follow_a_change_of_lighting() {
     let models = ["zncc", "ncc", "riu", "scv", "rscv", "lscv", "lrscv", "dfm"];
     let ids: Vec<String> = models.iter().map(|am| format!("esm/{am}/homography")).collect();

@@ -7,6 +7,10 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+crate::tests! {
+    modules_use_what_is_below_them;
+}
+
 /// A crate: its name, its folder, and ranks of modules, lowest first. A module may use those of lower ranks only.
 struct House {
     name: &'static str,
@@ -191,7 +195,6 @@ fn names(next: Option<&TokenTree>, used: &mut BTreeSet<String>) {
     }
 }
 
-#[test]
 fn modules_use_what_is_below_them() {
     let mut faults = String::new();
     for house in &HOUSES {

@@ -5,6 +5,28 @@ use mtf_eval::dataset::{self, Dataset, DatasetError, LoadOptions, OnBadData, Sev
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
+crate::tests! {
+    good_data_has_no_fault;
+    missing_folder;
+    a_file_instead_of_a_folder;
+    empty_folder;
+    no_ground_truth;
+    no_frames;
+    truncated_frame;
+    frame_of_zero_bytes;
+    frame_that_is_no_image;
+    frame_of_another_size;
+    frame_that_vanished;
+    header_that_claims_60000x60000;
+    missing_and_surplus_rows;
+    bad_rows;
+    every_row_bad;
+    initial_corners_outside_the_image;
+    first_frame_without_annotation;
+    nothing_selected;
+    check_lists_all_faults_and_skip_keeps_the_good_sequences;
+}
+
 const QUAD: &str = "10 10 30 10 30 25 10 25";
 
 /// A sequence of three 48x32 frames with MTF ground truth, in a folder of its own.
@@ -128,14 +150,12 @@ fn refused_path(path: &Path, message: &str) {
     assert_clear(&dataset::load(path, &skip()).unwrap_err().to_string(), message);
 }
 
-#[test]
 fn good_data_has_no_fault() {
     let sequence = Sequence::new();
     assert_eq!(dataset::check(&sequence.path()).faults, []);
     assert_eq!(sequence.load().unwrap().sequences[0].len(), 3);
 }
 
-#[test]
 fn missing_folder() {
     refused_path(
         Path::new("/no/such/folder"),
@@ -143,7 +163,6 @@ fn missing_folder() {
     );
 }
 
-#[test]
 fn a_file_instead_of_a_folder() {
     let sequence = Sequence::new();
     refused_path(
@@ -152,7 +171,6 @@ fn a_file_instead_of_a_folder() {
     );
 }
 
-#[test]
 fn empty_folder() {
     let dir = tempfile::tempdir().unwrap();
     refused_path(dir.path(), "the folder is empty");
@@ -160,21 +178,18 @@ fn empty_folder() {
     refused_path(dir.path(), "no sequence found");
 }
 
-#[test]
 fn no_ground_truth() {
     Sequence::new()
         .without("groundtruth.txt")
         .refused("frames without ground truth");
 }
 
-#[test]
 fn no_frames() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("groundtruth.txt"), QUAD).unwrap();
     refused_path(dir.path(), "groundtruth.txt: no frames");
 }
 
-#[test]
 fn truncated_frame() {
     let whole = png(48, 32, 2);
     Sequence::new()
@@ -185,7 +200,6 @@ fn truncated_frame() {
         .unreadable(0, "frame00001.png: the PNG image is truncated");
 }
 
-#[test]
 fn frame_of_zero_bytes() {
     Sequence::new()
         .frame("frame00003.png", b"")
@@ -195,14 +209,12 @@ fn frame_of_zero_bytes() {
         .refused("frame00001.png: the image file is empty (0 bytes)");
 }
 
-#[test]
 fn frame_that_is_no_image() {
     Sequence::new()
         .frame("frame00003.png", b"not an image")
         .unreadable(2, "frame00003.png: not an image");
 }
 
-#[test]
 fn frame_of_another_size() {
     Sequence::new()
         .frame("frame00002.png", &png(32, 48, 0))
@@ -212,7 +224,6 @@ fn frame_of_another_size() {
         );
 }
 
-#[test]
 fn frame_that_vanished() {
     let sequence = Sequence::new();
     let loaded = sequence.load().unwrap();
@@ -222,7 +233,6 @@ fn frame_that_vanished() {
     sequence.refused("groundtruth.txt:3: there is no frame `frame00002.png`");
 }
 
-#[test]
 fn header_that_claims_60000x60000() {
     let huge = b"P5 60000 60000 255\n0000";
     let message = "the image header claims 60000x60000 pixels, more than the limit";
@@ -237,7 +247,6 @@ fn header_that_claims_60000x60000() {
     );
 }
 
-#[test]
 fn missing_and_surplus_rows() {
     Sequence::new()
         .truth(&["", ""])
@@ -254,7 +263,6 @@ fn missing_and_surplus_rows() {
     );
 }
 
-#[test]
 fn bad_rows() {
     for (row, message) in [
         ("10 10 30 ten 30 25 10 25", "`ten` is not a number"),
@@ -285,7 +293,6 @@ fn bad_rows() {
     }
 }
 
-#[test]
 fn every_row_bad() {
     Sequence::new()
         .plain_truth(&"1 2 3 4 5 6 7\n".repeat(3))
@@ -298,7 +305,6 @@ fn every_row_bad() {
         .refused("groundtruth.txt: no rows of ground truth");
 }
 
-#[test]
 fn initial_corners_outside_the_image() {
     Sequence::new()
         .truth(&["40 10 60 10 60 25 40 25", "", ""])
@@ -308,7 +314,6 @@ fn initial_corners_outside_the_image() {
     assert_eq!(dataset::check(&sequence.path()).faults, []);
 }
 
-#[test]
 fn first_frame_without_annotation() {
     Sequence::new()
         .truth(&["tracker_failed", "", ""])
@@ -324,7 +329,6 @@ fn first_frame_without_annotation() {
     );
 }
 
-#[test]
 fn nothing_selected() {
     let sequence = Sequence::new();
     let error = dataset::load(
@@ -341,7 +345,6 @@ fn nothing_selected() {
     );
 }
 
-#[test]
 fn check_lists_all_faults_and_skip_keeps_the_good_sequences() {
     let root = tempfile::tempdir().unwrap();
     let copy =

@@ -1,14 +1,15 @@
 //! `bench` from outside: what it reports, never how long anything takes.
 
-mod runs;
-
+use crate::runs::{program, write_data};
 use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
-use runs::{program, write_data};
 use serde_json::Value;
 use std::fs;
 
-#[test]
+crate::tests! {
+    measures_saves_compares_and_draws;
+}
+
 fn measures_saves_compares_and_draws() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();

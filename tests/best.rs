@@ -1,14 +1,20 @@
 //! The tracker `best`: embedded, rendered and real sequences, frames that show nothing, the same results every time.
 
-#[path = "common/shared.rs"]
-mod shared;
-
+use crate::harness::shared;
 use mtf::geom::Corners;
 use mtf::image::{Frame, Image, Pixels, parse_preprocessor};
 use mtf::registry::Registry;
 use mtf::tracker::Tracker;
 use mtf_eval::dataset::{self, LoadOptions, Sequence};
 use mtf_eval::synth::{SynthSpec, render_sequence};
+
+crate::tests! {
+    planes_are_tracked_whatever_is_hard_about_them;
+    an_object_that_moves_fast_turns_is_blurred_and_half_covered_is_kept;
+    real_sequences_are_kept_when_nine_of_ten_frames_are_missing needs Shared;
+    runs_repeat_to_the_bit_on_any_thread;
+    frames_that_show_nothing_move_nothing_and_small_objects_fail_or_stay_finite;
+}
 
 fn best() -> Box<dyn Tracker> {
     let registry = Registry::builtin();
@@ -49,7 +55,6 @@ fn score(tracked: &[(Corners, Corners)]) -> (f64, f64) {
 }
 
 /// Every sequence but `bending`, whose sheet is no plane.
-#[test]
 fn planes_are_tracked_whatever_is_hard_about_them() {
     let data = dataset::builtin().unwrap();
     let planes = data.sequences.iter().filter(|s| s.name() != "bending");
@@ -68,7 +73,6 @@ fn planes_are_tracked_whatever_is_hard_about_them() {
     assert!(count >= 12);
 }
 
-#[test]
 fn an_object_that_moves_fast_turns_is_blurred_and_half_covered_is_kept() {
     let mut tracked = Vec::new();
     for seed in [2, 3, 5, 9] {
@@ -94,12 +98,8 @@ fn an_object_that_moves_fast_turns_is_blurred_and_half_covered_is_kept() {
     );
 }
 
-#[test]
 fn real_sequences_are_kept_when_nine_of_ten_frames_are_missing() {
-    let Some(root) = shared::shared("data/real") else {
-        return;
-    };
-    let data = dataset::load(&root, &LoadOptions::default()).unwrap();
+    let data = dataset::load(&shared("data/real"), &LoadOptions::default()).unwrap();
     let tracked: Vec<_> = data
         .sequences
         .iter()
@@ -112,7 +112,6 @@ fn real_sequences_are_kept_when_nine_of_ten_frames_are_missing() {
     );
 }
 
-#[test]
 fn runs_repeat_to_the_bit_on_any_thread() {
     let run = || {
         let data = dataset::builtin().unwrap();
@@ -131,7 +130,6 @@ fn runs_repeat_to_the_bit_on_any_thread() {
     }
 }
 
-#[test]
 fn frames_that_show_nothing_move_nothing_and_small_objects_fail_or_stay_finite() {
     const SIZE: (usize, usize) = (120, 100);
     let image = |f: &dyn Fn(usize, usize) -> f32| Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, f));

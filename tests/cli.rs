@@ -1,13 +1,28 @@
 //! The program from outside: what it prints, where, and how it ends.
 
-mod runs;
-
+use crate::runs::{program, write_data};
 use predicates::prelude::PredicateBooleanExt;
 use predicates::str::{contains, is_empty};
-use runs::{program, write_data};
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
+
+crate::tests! {
+    help_and_version_go_to_stdout;
+    lists_come_from_the_registry;
+    illumination_and_colour_have_names;
+    a_run_tracks_and_leaves_what_it_promises;
+    results_on_stdout_are_for_programs_too;
+    settings_reach_the_trackers;
+    mistakes_are_told_with_the_way_out;
+    a_broken_frame_fails_its_sequence_and_no_other;
+    faulty_data_is_refused_or_left_out;
+    default_directories_are_new_and_named;
+    a_baseline_checks_what_it_records;
+    #[cfg(unix)]
+    a_closed_pipe_is_no_failure;
+    truth_is_fitted_with_a_warp_of_fewer_degrees_of_freedom;
+}
 
 fn with_data(lengths: &[usize]) -> TempDir {
     let dir = tempfile::tempdir().unwrap();
@@ -15,7 +30,6 @@ fn with_data(lengths: &[usize]) -> TempDir {
     dir
 }
 
-#[test]
 fn help_and_version_go_to_stdout() {
     let dir = tempfile::tempdir().unwrap();
     for args in [
@@ -55,7 +69,6 @@ fn help_and_version_go_to_stdout() {
         .stdout(contains(".TH").and(contains("max\\-iters")));
 }
 
-#[test]
 fn lists_come_from_the_registry() {
     let dir = with_data(&[5]);
     program(dir.path())
@@ -92,7 +105,6 @@ fn lists_come_from_the_registry() {
         .stdout(contains("data/seq0"));
 }
 
-#[test]
 fn illumination_and_colour_have_names() {
     let dir = with_data(&[5]);
     program(dir.path())
@@ -143,7 +155,6 @@ fn illumination_and_colour_have_names() {
         .stdout(contains("ssd+rbf").and(contains("ssd+pgb/homography")));
 }
 
-#[test]
 fn a_run_tracks_and_leaves_what_it_promises() {
     let dir = with_data(&[12, 9]);
     program(dir.path())
@@ -190,7 +201,6 @@ fn a_run_tracks_and_leaves_what_it_promises() {
     }
 }
 
-#[test]
 fn results_on_stdout_are_for_programs_too() {
     let dir = with_data(&[6]);
     let run = |args: &[&str]| {
@@ -210,7 +220,6 @@ fn results_on_stdout_are_for_programs_too() {
     assert!(!run(&[]).contains('\u{1b}'));
 }
 
-#[test]
 fn settings_reach_the_trackers() {
     let dir = with_data(&[6]);
     let args = [
@@ -259,7 +268,6 @@ fn settings_reach_the_trackers() {
     assert_eq!(files, ["frame00001.png", "frame00003.png"]);
 }
 
-#[test]
 fn mistakes_are_told_with_the_way_out() {
     let dir = with_data(&[4]);
     let cases: &[(&[&str], i32, &str)] = &[
@@ -309,7 +317,6 @@ fn mistakes_are_told_with_the_way_out() {
         .stderr(contains("empty"));
 }
 
-#[test]
 fn a_broken_frame_fails_its_sequence_and_no_other() {
     let dir = with_data(&[8, 8]);
     fs::write(dir.path().join("data/seq1/frame00005.png"), "no image").unwrap();
@@ -347,7 +354,6 @@ fn a_broken_frame_fails_its_sequence_and_no_other() {
         .stderr(contains("2 of 4 are done already"));
 }
 
-#[test]
 fn faulty_data_is_refused_or_left_out() {
     let dir = with_data(&[5, 5]);
     let truth = dir.path().join("data/seq1.txt");
@@ -368,7 +374,6 @@ fn faulty_data_is_refused_or_left_out() {
     assert!(sequences.contains(",seq0,") && !sequences.contains(",seq1,"));
 }
 
-#[test]
 fn default_directories_are_new_and_named() {
     let dir = with_data(&[4]);
     let assert = program(dir.path()).args(["run", "data"]).assert().success();
@@ -379,7 +384,6 @@ fn default_directories_are_new_and_named() {
     assert_eq!(name.len(), "yyyymmdd-hhmmss-hhhhhh".len());
 }
 
-#[test]
 fn a_baseline_checks_what_it_records() {
     let dir = with_data(&[10]);
     program(dir.path())
@@ -422,7 +426,6 @@ fn a_baseline_checks_what_it_records() {
 }
 
 #[cfg(unix)]
-#[test]
 fn a_closed_pipe_is_no_failure() {
     let dir = with_data(&[4]);
     let program = assert_cmd::cargo::cargo_bin!("mtf-eval");
@@ -435,7 +438,6 @@ fn a_closed_pipe_is_no_failure() {
     assert!(status.success(), "{status:?}");
 }
 
-#[test]
 fn truth_is_fitted_with_a_warp_of_fewer_degrees_of_freedom() {
     let dir = tempfile::tempdir().unwrap();
     let mean = |extra: &[&str]| {

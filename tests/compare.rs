@@ -1,14 +1,20 @@
 //! `compare` and the reports of `check`, from outside.
 
-mod runs;
-
+use crate::runs::{program, write_data};
 use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
-use runs::{program, write_data};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
+
+crate::tests! {
+    finds_the_tracker_that_changed;
+    refuses_what_does_not_compare;
+    warns_of_few_sequences;
+    the_gate_reports_to_ci_services;
+    the_page_on_ci_works_as_written;
+}
 
 /// Twelve short sequences.
 fn with_data() -> TempDir {
@@ -50,7 +56,6 @@ fn json(dir: &Path, args: &[&str]) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-#[test]
 fn finds_the_tracker_that_changed() {
     let dir = with_data();
     let dir = dir.path();
@@ -103,7 +108,6 @@ fn finds_the_tracker_that_changed() {
     assert_eq!(found["comparisons"][0]["trackers"], 2);
 }
 
-#[test]
 fn refuses_what_does_not_compare() {
     let dir = with_data();
     let dir = dir.path();
@@ -139,7 +143,6 @@ fn refuses_what_does_not_compare() {
     }
 }
 
-#[test]
 fn warns_of_few_sequences() {
     let dir = with_data();
     let dir = dir.path();
@@ -167,7 +170,6 @@ fn warns_of_few_sequences() {
         .stderr(contains("only 4 sequences").and(contains("nothing can be significant")));
 }
 
-#[test]
 fn the_gate_reports_to_ci_services() {
     let dir = with_data();
     let dir = dir.path();
@@ -233,7 +235,6 @@ fn the_gate_reports_to_ci_services() {
 }
 
 /// The commands of docs/ci.md, in their order, as they stand there.
-#[test]
 fn the_page_on_ci_works_as_written() {
     let page = include_str!("../docs/ci.md");
     let dir = tempfile::tempdir().unwrap();

@@ -11,6 +11,19 @@ use mtf::registry::{Registry, SpecError};
 use mtf_eval::prelude::*;
 use mtf_eval::synth::texture;
 
+crate::tests! {
+    every_composite_follows_a_plane;
+    pyramids_that_widen_take_small_patches_far;
+    guards_find_again_and_put_back;
+    leaders_are_asked_where_the_template_does_not_suffice;
+    little_effort_is_for_little_motion;
+    patches_that_fail_the_way_back_stay_out;
+    points_under_an_occluder_are_rejected;
+    composites_say_when_they_are_lost_and_go_on;
+    low_warps_fit_what_they_can;
+    features_find_an_object_that_jumped_turned_grew_and_is_half_covered;
+}
+
 /// A texture as gray values, sampled bilinearly, mirrored at its borders.
 struct Sheet(image::RgbImage);
 
@@ -183,7 +196,6 @@ fn mean_error(tracker: &mut dyn Tracker, frames: &[Frame]) -> f64 {
     sum / (frames.len() - 1) as f64
 }
 
-#[test]
 fn every_composite_follows_a_plane() {
     let scene = Scene::new(true);
     let frames: Vec<Frame> = (0..12).map(|k| scene.plain(&motion(k))).collect();
@@ -219,12 +231,10 @@ fn every_composite_follows_a_plane() {
         if error > limit {
             report += &format!("{name}: {error}\n");
         }
-        println!("{name}: {error:.3}");
     }
     assert!(report.is_empty(), "{report}");
 }
 
-#[test]
 fn pyramids_that_widen_take_small_patches_far() {
     let scene = Scene::new(true);
     let (start, moved) = (pose(0.0, 1.0, [200.0, 160.0]), pose(0.0, 1.0, [228.0, 178.0]));
@@ -260,7 +270,6 @@ fn errors(text: &str, frames: &[Frame], truth: &[Mat3]) -> Vec<f64> {
 }
 
 /// Also what [`errors`] checks: that the answer is where the tracker is.
-#[test]
 fn guards_find_again_and_put_back() {
     let scene = Scene::new(true);
     let jump = [[200.0, 160.0], [201.0, 160.0], [290.0, 230.0], [291.0, 231.0]];
@@ -298,7 +307,6 @@ fn led(enough: &str, frames: &[Frame], truth: &[Mat3]) -> Vec<(f64, u32)> {
     frames.iter().zip(truth).skip(1).map(&mut follow).collect()
 }
 
-#[test]
 fn leaders_are_asked_where_the_template_does_not_suffice() {
     let scene = Scene::new(true);
     // A slow motion, a leap that only the leader can follow from the frame before, and on.
@@ -313,7 +321,6 @@ fn leaders_are_asked_where_the_template_does_not_suffice() {
     }
 }
 
-#[test]
 fn little_effort_is_for_little_motion() {
     let scene = Scene::new(true);
     let follow = |klt_enough: f64, to: [f64; 2]| {
@@ -337,7 +344,6 @@ fn little_effort_is_for_little_motion() {
     assert!(apart(near) > 0.0);
 }
 
-#[test]
 fn patches_that_fail_the_way_back_stay_out() {
     let scene = Scene::new(true);
     let (start, moved) = (pose(0.0, 1.0, [220.0, 170.0]), pose(0.0, 1.0, [222.0, 171.0]));
@@ -359,7 +365,6 @@ fn patches_that_fail_the_way_back_stay_out() {
     assert_eq!(tracker.inliers().iter().filter(|i| **i).count(), 4);
 }
 
-#[test]
 fn points_under_an_occluder_are_rejected() {
     let scene = Scene::new(true);
     let (start, moved) = (pose(0.0, 1.0, [220.0, 170.0]), pose(0.0, 1.0, [223.0, 172.0]));
@@ -388,7 +393,6 @@ fn points_under_an_occluder_are_rejected() {
     assert!(kept >= 24, "{kept}");
 }
 
-#[test]
 fn composites_say_when_they_are_lost_and_go_on() {
     let scene = Scene::new(true);
     let start = pose(0.0, 1.0, [220.0, 170.0]);
@@ -427,7 +431,6 @@ fn composites_say_when_they_are_lost_and_go_on() {
     assert!(flat_start(Box::new(grid(nodes(5), GridReset::Fixed))));
 }
 
-#[test]
 fn low_warps_fit_what_they_can() {
     let scene = Scene::new(true);
     let (start, moved) = (pose(0.0, 1.0, [220.0, 170.0]), pose(0.05, 1.02, [225.0, 168.0]));
@@ -446,7 +449,6 @@ fn low_warps_fit_what_they_can() {
     assert!(distance(&shift.corners(), &tilted) < 1e-6);
 }
 
-#[test]
 fn features_find_an_object_that_jumped_turned_grew_and_is_half_covered() {
     let scene = Scene::new(false);
     let start = pose(0.0, 1.0, [160.0, 130.0]);

@@ -1,14 +1,17 @@
 //! Protocols from outside: trackers that lose the object of an embedded sequence and are started anew.
 
-mod runs;
-
+use crate::runs::{assert_same, program, write_data};
 use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
-use runs::{assert_same, program, write_data};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
+
+crate::tests! {
+    a_tracker_that_loses_the_object_is_started_anew;
+    grids_list_protocols;
+}
 
 /// Trackers for which the sequence is too fast.
 const FAST: [&str; 10] = [
@@ -43,7 +46,6 @@ fn number(row: &BTreeMap<String, String>, column: &str) -> f64 {
     row[column].parse().unwrap()
 }
 
-#[test]
 fn a_tracker_that_loses_the_object_is_started_anew() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
@@ -173,7 +175,6 @@ fn a_tracker_that_loses_the_object_is_started_anew() {
         .code(11);
 }
 
-#[test]
 fn grids_list_protocols() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();

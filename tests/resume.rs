@@ -1,13 +1,18 @@
 //! What a run directory promises: the same bytes however often the run was interrupted, by whatever, on any number of
 //! threads.
 
-mod runs;
-
-use runs::{journal_lines, program, reproducible, write_data};
+use crate::runs::{journal_lines, program, reproducible, write_data};
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
+
+crate::tests! {
+    interruptions_and_threads_leave_no_trace;
+    a_directory_in_use_is_left_alone;
+    #[cfg(target_os = "linux")]
+    a_full_disk_loses_nothing needs DevFull;
+}
 
 const GRID: [&str; 8] = [
     "run",
@@ -57,7 +62,6 @@ fn signal(child: &Child, name: &str) {
     assert!(status.is_ok());
 }
 
-#[test]
 fn interruptions_and_threads_leave_no_trace() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
@@ -99,7 +103,6 @@ fn interruptions_and_threads_leave_no_trace() {
     assert_eq!(reference, reproducible(&dir.join("parts")));
 }
 
-#[test]
 fn a_directory_in_use_is_left_alone() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
@@ -123,12 +126,7 @@ fn a_directory_in_use_is_left_alone() {
 }
 
 #[cfg(target_os = "linux")]
-#[test]
 fn a_full_disk_loses_nothing() {
-    if !Path::new("/dev/full").exists() {
-        println!("skipped: no /dev/full here");
-        return;
-    }
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     write_data(&dir.join("data"), &[10, 12]);

@@ -1,10 +1,13 @@
 //! What never changes a result: the instruction set, the threads that a tracker may use.
 
-mod runs;
-
-use runs::{program, reproducible, write_data};
+use crate::runs::{program, reproducible, write_data};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+
+crate::tests! {
+    instruction_sets_agree_to_the_bit needs Avx2;
+    threads_of_a_tracker_leave_no_trace;
+}
 
 /// No file.
 const NONE: [&Path; 0] = [];
@@ -31,7 +34,6 @@ fn differing<'a>(a: &'a Files, b: &'a Files) -> Vec<&'a Path> {
     names.map(PathBuf::as_path).collect()
 }
 
-#[test]
 fn instruction_sets_agree_to_the_bit() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
@@ -56,7 +58,6 @@ fn instruction_sets_agree_to_the_bit() {
     }
 }
 
-#[test]
 fn threads_of_a_tracker_leave_no_trace() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();

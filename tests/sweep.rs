@@ -1,15 +1,33 @@
 //! Sweeps: grids from files, shards and their merging, interruptions of every kind.
 
-mod runs;
-
+use crate::runs::{assert_same, program, write_data};
 use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
 use rand::RngExt;
-use runs::{assert_same, program, write_data};
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
+
+crate::tests! {
+    killed_twenty_times_a_sweep_ends_the_same;
+    shards_merged_in_any_order_equal_the_whole;
+    a_merge_names_what_is_missing_and_refuses_what_does_not_match;
+    grids_come_from_files_and_flags_override_them;
+    company_does_not_change_a_tracker;
+    valid_trackers_are_counted;
+    the_plans_beside_the_scripts_work;
+    faults_of_a_grid_are_told_by_file_and_line;
+    faulty_data_that_is_not_asked_for_does_not_matter;
+    frame_logs_may_be_compressed;
+    #[cfg(unix)]
+    signals_and_time_limits_finish_what_is_in_progress;
+    #[cfg(target_os = "linux")]
+    a_killed_run_is_told_from_a_living_one;
+    threads_follow_slurm;
+    #[cfg(target_os = "linux")]
+    a_disk_that_fills_up_in_the_middle_loses_nothing needs Tmpfs;
+}
 
 /// 200 trackers: 5 search methods x 8 appearance models x 5 state space models.
 const SWEEP: &str = "
@@ -60,7 +78,6 @@ fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
     }
 }
 
-#[test]
 fn killed_twenty_times_a_sweep_ends_the_same() {
     let dir = place(SWEEP, &[6, 5, 7, 6, 5, 6]);
     let dir = dir.path();
@@ -86,7 +103,6 @@ fn killed_twenty_times_a_sweep_ends_the_same() {
     assert_same(&dir.join("whole"), &dir.join("killed"));
 }
 
-#[test]
 fn shards_merged_in_any_order_equal_the_whole() {
     let dir = place(SWEEP, &[6, 9, 7]);
     let dir = dir.path();
@@ -127,7 +143,6 @@ fn shards_merged_in_any_order_equal_the_whole() {
         .stdout(contains("slice:1/8").and(contains("complete")));
 }
 
-#[test]
 fn a_merge_names_what_is_missing_and_refuses_what_does_not_match() {
     let dir = place("data = 'data'\nsm = 'lk'\n", &[6, 9, 7]);
     let dir = dir.path();
@@ -249,7 +264,6 @@ fn a_merge_names_what_is_missing_and_refuses_what_does_not_match() {
         .success();
 }
 
-#[test]
 fn grids_come_from_files_and_flags_override_them() {
     let text = "
 data = ['data', 'more']
@@ -345,7 +359,6 @@ esm.epsilon = 1e-3
     );
 }
 
-#[test]
 fn company_does_not_change_a_tracker() {
     let text = "data = 'data'\nsm = ['lk', 'aesm', 'nn', 'pf', 'regression']\nam = ['ssd', 'zncc', 'mi', 'lscv']\nssm = ['translation', 'affine', 'homography', 'spline']\n[params]\nres = '15x15'\nnn.n_samples = 100\npf.n_particles = 50\n";
     let dir = place(text, &[5, 7]);
@@ -393,7 +406,6 @@ fn company_does_not_change_a_tracker() {
     }
 }
 
-#[test]
 fn valid_trackers_are_counted() {
     let dir = tempfile::tempdir().unwrap();
     let output = program(dir.path()).args(["list", "trackers"]).output().unwrap();
@@ -410,7 +422,6 @@ fn valid_trackers_are_counted() {
     assert!(text.contains("does not estimate illumination"));
 }
 
-#[test]
 fn the_plans_beside_the_scripts_work() {
     let dir = tempfile::tempdir().unwrap();
     let plans = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/plans");
@@ -424,7 +435,6 @@ fn the_plans_beside_the_scripts_work() {
     }
 }
 
-#[test]
 fn faults_of_a_grid_are_told_by_file_and_line() {
     let dir = place("", &[5]);
     let dir = dir.path();
@@ -474,7 +484,6 @@ fn faults_of_a_grid_are_told_by_file_and_line() {
         .stderr(contains("none of 1 trackers"));
 }
 
-#[test]
 fn faulty_data_that_is_not_asked_for_does_not_matter() {
     let dir = place("", &[5, 6]);
     let dir = dir.path();
@@ -491,7 +500,6 @@ fn faulty_data_that_is_not_asked_for_does_not_matter() {
         .stderr(contains("seq1"));
 }
 
-#[test]
 fn frame_logs_may_be_compressed() {
     let dir = place("data = 'data'\nsm = 'lk'\n", &[30]);
     let dir = dir.path();
@@ -531,7 +539,6 @@ fn frame_logs_may_be_compressed() {
 const SLOW: &str = "data = 'data'\nsm = 'nn'\nam = ['mi', 'ncc']\nssm = ['affine', 'translation']\n[params]\nn_samples = 400\n";
 
 #[cfg(unix)]
-#[test]
 fn signals_and_time_limits_finish_what_is_in_progress() {
     let dir = place(SLOW, &[30, 30, 30]);
     let dir = dir.path();
@@ -581,7 +588,6 @@ fn signals_and_time_limits_finish_what_is_in_progress() {
 }
 
 #[cfg(target_os = "linux")]
-#[test]
 fn a_killed_run_is_told_from_a_living_one() {
     let dir = place(SLOW, &[30, 30]);
     let dir = dir.path();
@@ -607,7 +613,6 @@ fn a_killed_run_is_told_from_a_living_one() {
         .stdout(contains("complete"));
 }
 
-#[test]
 fn threads_follow_slurm() {
     let dir = place("data = 'data'\n", &[5]);
     let dir = dir.path();
@@ -630,21 +635,21 @@ fn threads_follow_slurm() {
     assert_eq!((threads("a"), threads("b")), (Some(3), Some(2)));
 }
 
-/// A file system of `size` mounted at `path`, as long as it lives; needs to be allowed to mount.
+/// A file system of `size` mounted at `path`, as long as it lives.
 #[cfg(target_os = "linux")]
 struct Tmpfs<'a>(&'a Path);
 
 #[cfg(target_os = "linux")]
 impl<'a> Tmpfs<'a> {
-    fn new(path: &'a Path, size: &str) -> Option<Self> {
+    fn new(path: &'a Path, size: &str) -> Self {
         fs::create_dir_all(path).unwrap();
         let options = format!("size={size}");
         let mount = Command::new("mount")
             .args(["-t", "tmpfs", "-o", &options, "tmpfs"])
             .arg(path)
-            .stderr(Stdio::null())
             .status();
-        mount.is_ok_and(|s| s.success()).then_some(Tmpfs(path))
+        assert!(mount.is_ok_and(|s| s.success()));
+        Tmpfs(path)
     }
     fn resize(&self, size: &str) {
         let options = format!("remount,size={size}");
@@ -661,15 +666,11 @@ impl Drop for Tmpfs<'_> {
 }
 
 #[cfg(target_os = "linux")]
-#[test]
 fn a_disk_that_fills_up_in_the_middle_loses_nothing() {
     let dir = place(SWEEP, &[6, 5, 7, 6]);
     let dir = dir.path();
     let place = dir.join("small");
-    let Some(disk) = Tmpfs::new(&place, "3m") else {
-        println!("skipped: not allowed to mount a tmpfs here");
-        return;
-    };
+    let disk = Tmpfs::new(&place, "3m");
     program(dir).args(grid("whole")).assert().success();
     program(dir)
         .args(grid("small/out"))

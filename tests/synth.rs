@@ -1,7 +1,6 @@
 //! Synthetic sequences: the committed dataset is what its commands make, its ground truth is right in numbers and in
 //! pixels, and its tags are deserved. `MTF_EVAL_SLOW=1` renders all of the dataset again instead of two sequences.
 
-#[path = "synth/esm.rs"]
 mod esm;
 
 use clap::Parser;
@@ -13,6 +12,20 @@ use mtf_eval::synth::{
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+
+crate::tests! {
+    committed_sequences_are_rendered_again_byte_for_byte;
+    texts_and_a_frame_of_every_sequence_are_rendered_again;
+    the_dataset_is_small_complete_and_tagged;
+    ground_truth_agrees_with_an_independent_computation;
+    each_sequence_moves_within_its_model;
+    the_truth_is_right_in_the_pixels_and_plain_sequences_can_be_tracked;
+    hard_sequences_are_hard_in_the_way_their_tags_say;
+    bytes_do_not_depend_on_the_number_of_threads;
+    random_walks_keep_their_model_and_stay_inside;
+    the_command_writes_what_it_records;
+    unusable_arguments_are_refused_with_the_reason;
+}
 
 fn builtin_dir() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("datasets/builtin")
@@ -84,7 +97,6 @@ fn names_tagged(tag: &str) -> Vec<String> {
     all.map(|(name, _)| name).collect()
 }
 
-#[test]
 fn committed_sequences_are_rendered_again_byte_for_byte() {
     let slow = std::env::var_os("MTF_EVAL_SLOW").is_some_and(|v| v == "1");
     let chosen = specs()
@@ -106,7 +118,6 @@ fn committed_sequences_are_rendered_again_byte_for_byte() {
     }
 }
 
-#[test]
 fn texts_and_a_frame_of_every_sequence_are_rendered_again() {
     for (name, spec) in specs() {
         let sequence = render_sequence(&spec).unwrap();
@@ -132,7 +143,6 @@ fn texts_and_a_frame_of_every_sequence_are_rendered_again() {
     }
 }
 
-#[test]
 fn the_dataset_is_small_complete_and_tagged() {
     let (specs, mut bytes) = (specs(), 0);
     let mut folders: Vec<String> = specs.iter().map(|(name, _)| name.clone()).collect();
@@ -164,7 +174,6 @@ fn the_dataset_is_small_complete_and_tagged() {
     }
 }
 
-#[test]
 fn ground_truth_agrees_with_an_independent_computation() {
     for (name, spec) in specs() {
         let sequence = render_sequence(&spec).unwrap();
@@ -256,7 +265,6 @@ fn similar_misfit(first: &Corners, now: &Corners, turns: bool, scales: bool) -> 
     misfit.fold(0.0, f64::max)
 }
 
-#[test]
 fn each_sequence_moves_within_its_model() {
     for (name, spec) in specs() {
         let rows = truth(&name);
@@ -300,7 +308,6 @@ fn affine_misfit(first: &Corners, now: &Corners) -> f64 {
     (a * map - b).row_iter().map(|r| r.norm()).fold(0.0, f64::max)
 }
 
-#[test]
 fn the_truth_is_right_in_the_pixels_and_plain_sequences_can_be_tracked() {
     for name in names_tagged("plain") {
         let (frames, rows) = (gray_frames(&name), truth(&name));
@@ -317,7 +324,6 @@ fn the_truth_is_right_in_the_pixels_and_plain_sequences_can_be_tracked() {
     }
 }
 
-#[test]
 fn hard_sequences_are_hard_in_the_way_their_tags_say() {
     let of = |tag: &str| {
         let name = names_tagged(tag).remove(0);
@@ -349,7 +355,6 @@ fn hard_sequences_are_hard_in_the_way_their_tags_say() {
     );
 }
 
-#[test]
 fn bytes_do_not_depend_on_the_number_of_threads() {
     let mut spec = SynthSpec {
         frames: 3,
@@ -372,7 +377,6 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
     assert!(bytes_with(1) == bytes_with(2));
 }
 
-#[test]
 fn random_walks_keep_their_model_and_stay_inside() {
     for mode in [Mode::Continuous, Mode::Independent] {
         let spec = SynthSpec {
@@ -413,7 +417,6 @@ fn synth(words: &[&str]) -> anyhow::Result<std::process::ExitCode> {
     mtf_eval::cli::synth::run(&program.args)
 }
 
-#[test]
 fn the_command_writes_what_it_records() {
     let root = tempfile::tempdir().unwrap();
     let picture = root.path().join("my picture.png");
@@ -463,7 +466,6 @@ fn the_command_writes_what_it_records() {
     assert_eq!(files(&first).len(), 4);
 }
 
-#[test]
 fn unusable_arguments_are_refused_with_the_reason() {
     let root = tempfile::tempdir().unwrap();
     let text = root.path().join("text.png");

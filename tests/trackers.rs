@@ -1,13 +1,16 @@
 //! Nested trackers and the convergence experiment from the command line.
 
-mod runs;
-
+use crate::runs::{program, reproducible};
 use predicates::prelude::PredicateBooleanExt;
 use predicates::str::{contains, is_empty};
-use runs::{program, reproducible};
 use std::fs;
 
-#[test]
+crate::tests! {
+    nested_trackers_run_like_any_other;
+    faults_in_nested_trackers_are_placed;
+    basins_are_measured_and_repeat;
+}
+
 fn nested_trackers_run_like_any_other() {
     let dir = tempfile::tempdir().unwrap();
     let text = "cascade(pyramid(iclk/ncc/affine; levels=2), esm/ncc/homography)";
@@ -63,7 +66,6 @@ fn nested_trackers_run_like_any_other() {
     );
 }
 
-#[test]
 fn faults_in_nested_trackers_are_placed() {
     let dir = tempfile::tempdir().unwrap();
     for (text, message) in [
@@ -95,7 +97,6 @@ fn faults_in_nested_trackers_are_placed() {
     }
 }
 
-#[test]
 fn basins_are_measured_and_repeat() {
     let dir = tempfile::tempdir().unwrap();
     let basin = |threads: &str| {

@@ -1,8 +1,7 @@
-//! Layouts, selections, fingerprints and real data. Faults are tested in `tests/bad_input.rs`.
+//! Layouts, selections and fingerprints. Faults are tested in `tests/bad_input.rs`.
 
 use super::*;
 use mtf::geom::Corners;
-use std::path::PathBuf;
 
 const QUAD: [f64; 8] = [2.0, 2.0, 12.0, 2.0, 12.0, 9.0, 2.0, 9.0];
 
@@ -261,60 +260,4 @@ fn embedded_sequences_load_like_those_on_disk() {
         assert_eq!(a.fingerprint(), b.fingerprint(), "{}", a.name());
         assert!(a.read(a.len() - 1, true).is_ok());
     }
-}
-
-/// Folder of test data that is not part of the project.
-fn shared_data(name: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("MTF_EVAL_SHARED").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"),
-        PathBuf::from,
-    );
-    let path = root.join(name);
-    if !path.is_dir() {
-        println!("skipped: {} is absent", path.display());
-        return None;
-    }
-    Some(path)
-}
-
-#[test]
-fn real_sequences() {
-    let Some(path) = shared_data("data/real") else {
-        return;
-    };
-    let data = load_all(&path);
-    assert_eq!((data.name.as_str(), data.sequences.len()), ("real", 12));
-    for sequence in &data.sequences {
-        assert_eq!(sequence.annotated(), sequence.len(), "{}", sequence.name());
-        let last = sequence.len() - 1;
-        let (gray, colour) = (
-            sequence.read(last, false).unwrap(),
-            sequence.read(last, true).unwrap(),
-        );
-        assert_eq!(gray.gray(), colour.gray(), "{}", sequence.name());
-        assert_eq!(sequence.decoded_count(), 2);
-    }
-    let frames: usize = data.sequences.iter().map(Sequence::len).sum();
-    assert_eq!(frames, 2193);
-    let skipped = load(
-        &path,
-        &LoadOptions {
-            frame_gap: 10,
-            ..LoadOptions::default()
-        },
-    )
-    .unwrap();
-    assert_eq!(skipped.sequences.iter().map(Sequence::len).sum::<usize>(), 225);
-}
-
-#[test]
-fn real_sequences_have_no_fault() {
-    let Some(path) = shared_data("data/real/jsar_phone7") else {
-        return;
-    };
-    let checked = check(&path);
-    assert_eq!(
-        (checked.sequences, checked.frames, checked.faults),
-        (1, 84, vec![])
-    );
 }

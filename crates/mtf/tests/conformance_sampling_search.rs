@@ -1,14 +1,23 @@
 //! What search methods that sample must satisfy; loops over the registry, so a new entry is tested by being listed.
 
-mod common;
-
-use common::{alignment_error, moved, perturbation, rng};
+use crate::common::{alignment_error, moved, perturbation, rng};
 use mtf::am::{AMS, AppearanceModel};
 use mtf::diagnose::Waves;
 use mtf::geom::{Corners, Mat3, homography};
 use mtf::image::{Frame, Image};
 use mtf::registry::{Registry, Selection, SpecError};
 use mtf::tracker::{TrackError, Tracker};
+
+crate::tests! {
+    every_appearance_model_is_tracked_or_refused;
+    every_warp_is_tracked_or_refused;
+    the_seed_decides_everything;
+    standing_still_stays_still;
+    set_region_keeps_the_template;
+    failures_are_typed_and_leave_the_tracker_usable;
+    every_option_tracks;
+    what_cannot_work_is_refused_with_a_reason;
+}
 
 const SIZE: (usize, usize) = (240, 200);
 /// Small enough for a test, large enough to track.
@@ -50,7 +59,6 @@ fn build(id: &str) -> Box<dyn Tracker> {
     registry.build(&registry.parse(id).unwrap()).unwrap()
 }
 
-#[test]
 fn every_appearance_model_is_tracked_or_refused() {
     let waves = Waves::new(2);
     let motion = perturbation(&quad(), 3.0, &mut rng(1));
@@ -72,7 +80,6 @@ fn every_appearance_model_is_tracked_or_refused() {
     }
 }
 
-#[test]
 fn every_warp_is_tracked_or_refused() {
     let waves = Waves::new(3);
     // Inside every family.
@@ -89,7 +96,6 @@ fn every_warp_is_tracked_or_refused() {
     }
 }
 
-#[test]
 fn the_seed_decides_everything() {
     let waves = Waves::new(4);
     let motion = perturbation(&quad(), 2.0, &mut rng(5));
@@ -107,7 +113,6 @@ fn the_seed_decides_everything() {
     }
 }
 
-#[test]
 fn standing_still_stays_still() {
     let waves = Waves::new(3);
     for (id, mut tracker) in all("ssd,ncc,sad", "homography,translation") {
@@ -123,7 +128,6 @@ fn standing_still_stays_still() {
     }
 }
 
-#[test]
 fn set_region_keeps_the_template() {
     // The object turned by 70 degrees and scaled by 1.2: beyond any search from the old place.
     let waves = Waves::new(8);
@@ -143,7 +147,6 @@ fn set_region_keeps_the_template() {
     }
 }
 
-#[test]
 fn failures_are_typed_and_leave_the_tracker_usable() {
     let waves = Waves::new(6);
     let flat = || Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, |_, _| 90.0));
@@ -182,7 +185,6 @@ fn failures_are_typed_and_leave_the_tracker_usable() {
     }
 }
 
-#[test]
 fn every_option_tracks() {
     let waves = Waves::new(12);
     let motion = perturbation(&quad(), 2.5, &mut rng(3));
@@ -244,7 +246,6 @@ fn every_option_tracks() {
     }
 }
 
-#[test]
 fn what_cannot_work_is_refused_with_a_reason() {
     let registry = Registry::builtin();
     let refused = |id: &str| match registry.build(&registry.parse(id).unwrap()) {

@@ -1,9 +1,14 @@
 //! No tracker allocates while it tracks: after the first frames, `update` works in the memory it has.
 
+use mtf::prelude::*;
 use mtf::sm::SmEntry;
-use mtf_eval::prelude::*;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+
+crate::tests! {
+    no_single_tracker_allocates;
+    no_composite_of_them_does;
+}
 
 /// Counts the allocations of each thread.
 struct Counting;
@@ -132,7 +137,6 @@ fn check(ids: impl Iterator<Item = String>) -> usize {
     checked
 }
 
-#[test]
 fn no_single_tracker_allocates() {
     let registry = Registry::builtin();
     let mut ids = Vec::new();
@@ -146,7 +150,6 @@ fn no_single_tracker_allocates() {
     assert!(check(ids.into_iter()) > 1000);
 }
 
-#[test]
 fn no_composite_of_them_does() {
     let ids = [
         "cascade(fclk/ncc/translation{res=14x12}, esm/zncc/homography{res=14x12})",

@@ -1,8 +1,6 @@
 //! What every state space model must satisfy: the algebra battery is instantiated for each model's type, the rest
 //! loops over the table.
 
-mod common;
-
 use mtf::diagnose;
 use mtf::entry::Part;
 use mtf::geom::{Corners, Mat3, homography};
@@ -14,6 +12,16 @@ use mtf::ssm::{
 };
 use rand::RngExt;
 use rand_pcg::Pcg64;
+
+crate::tests! {
+    algebra_and_derivatives;
+    any_quadrilateral_is_represented_exactly;
+    jacobians_and_pixel_hessians_agree_with_central_differences;
+    bad_regions_and_states_are_refused_and_change_nothing;
+    rebasing_keeps_the_grid_on_the_object;
+    names_of_old_are_aliases;
+    truth_of_few_parameters;
+}
 
 const RES: Resolution = Resolution { cols: 7, rows: 6 };
 
@@ -37,7 +45,7 @@ fn scale(a: &Mat3, b: &Mat3, c: &Mat3) -> f64 {
 
 /// Laws of the algebra and derivatives of one projective model.
 fn battery<W: ProjectiveModel>() {
-    let mut r = common::rng(7);
+    let mut r = crate::common::rng(7);
     let mut ssm = Projective::<W>::new();
     ssm.init(&quad(), RES).unwrap();
     let model = ssm.model().clone();
@@ -165,7 +173,7 @@ fn battery<W: ProjectiveModel>() {
             assert!((a - b).abs() < 1e-8, "{}: {fitted:?} {p:?}", W::NAME);
         }
         assert!(ssm.fit_corners(&corners).unwrap() < 1e-8);
-        assert!(common::alignment_error(&ssm.corners(), &corners) < 1e-8);
+        assert!(crate::common::alignment_error(&ssm.corners(), &corners) < 1e-8);
     }
     let mut p = vec![0.0; W::DOF];
     assert!(model.fit(&[], &[], &mut p).is_none());
@@ -173,7 +181,7 @@ fn battery<W: ProjectiveModel>() {
 
 /// What holds for warps that are linear in their state and do not compose.
 fn linear_battery<S: StateSpaceModel + Part + Default>() {
-    let mut r = common::rng(7);
+    let mut r = crate::common::rng(7);
     let mut ssm = S::default();
     ssm.init(&quad(), RES).unwrap();
     let s = ssm.dof();
@@ -242,7 +250,6 @@ const COVERED: [(&str, fn()); 15] = [
     (Tps::NAME, linear_battery::<Tps>),
 ];
 
-#[test]
 fn algebra_and_derivatives() {
     let mut names: Vec<_> = COVERED.iter().map(|c| c.0).collect();
     let mut listed: Vec<_> = SSMS.iter().map(|e| e.name).collect();
@@ -252,12 +259,11 @@ fn algebra_and_derivatives() {
     COVERED.iter().for_each(|(_, battery)| battery());
 }
 
-#[test]
 fn any_quadrilateral_is_represented_exactly() {
     for entry in SSMS {
         let mut ssm = (entry.build)(&[]).unwrap();
         ssm.init(&quad(), RES).unwrap();
-        assert!(common::alignment_error(&ssm.corners(), &quad()) < 1e-10);
+        assert!(crate::common::alignment_error(&ssm.corners(), &quad()) < 1e-10);
         let (mut x, mut y) = (vec![0.0; RES.len()], vec![0.0; RES.len()]);
         ssm.warp_into(&mut x, &mut y);
         for (i, at) in [0, RES.cols - 1, RES.len() - 1, RES.len() - RES.cols]
@@ -274,7 +280,6 @@ fn any_quadrilateral_is_represented_exactly() {
     }
 }
 
-#[test]
 fn jacobians_and_pixel_hessians_agree_with_central_differences() {
     for entry in SSMS {
         for (seed, size) in [(1, 0.0), (2, 0.1), (3, 0.1)] {
@@ -285,7 +290,6 @@ fn jacobians_and_pixel_hessians_agree_with_central_differences() {
     }
 }
 
-#[test]
 fn bad_regions_and_states_are_refused_and_change_nothing() {
     for entry in SSMS {
         let mut ssm = (entry.build)(&[]).unwrap();
@@ -319,10 +323,9 @@ fn bad_regions_and_states_are_refused_and_change_nothing() {
     );
 }
 
-#[test]
 fn rebasing_keeps_the_grid_on_the_object() {
     for entry in SSMS {
-        let mut r = common::rng(5);
+        let mut r = crate::common::rng(5);
         let mut ssm = (entry.build)(&[]).unwrap();
         ssm.init(&quad(), RES).unwrap();
         let old: Vec<[f64; 2]> = ssm
@@ -332,9 +335,9 @@ fn rebasing_keeps_the_grid_on_the_object() {
             .zip(ssm.grid().y)
             .map(|(&x, &y)| [f64::from(x), f64::from(y)])
             .collect();
-        let moved = homography::apply_corners(&common::perturbation(&quad(), 12.0, &mut r), &quad());
+        let moved = homography::apply_corners(&crate::common::perturbation(&quad(), 12.0, &mut r), &quad());
         let from_new = ssm.rebase(&moved).unwrap();
-        assert!(common::alignment_error(&ssm.corners(), &moved) < 1e-9);
+        assert!(crate::common::alignment_error(&ssm.corners(), &moved) < 1e-9);
         for (i, p) in old.iter().enumerate() {
             let q = homography::apply(&from_new, [ssm.grid().x[i].into(), ssm.grid().y[i].into()]);
             assert!(
@@ -350,7 +353,6 @@ fn entry(name: &str) -> &'static SsmEntry {
     SSMS.iter().find(|e| e.name == name).unwrap()
 }
 
-#[test]
 fn names_of_old_are_aliases() {
     for (name, alias) in [
         ("translation", "2"),
@@ -370,14 +372,13 @@ fn names_of_old_are_aliases() {
     }
 }
 
-#[test]
 fn truth_of_few_parameters() {
-    let mut r = common::rng(11);
-    let moved = homography::apply_corners(&common::perturbation(&quad(), 9.0, &mut r), &quad());
+    let mut r = crate::common::rng(11);
+    let moved = homography::apply_corners(&crate::common::perturbation(&quad(), 9.0, &mut r), &quad());
     // The error of the best fit grows as parameters are taken away.
     let error = |name: &str| {
         let fitted = fit_truth(entry(name), &quad(), &moved).unwrap();
-        common::alignment_error(&fitted, &moved)
+        crate::common::alignment_error(&fitted, &moved)
     };
     for chain in [
         &["homography", "affine", "similitude", "isometry", "translation"][..],

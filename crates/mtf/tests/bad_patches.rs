@@ -1,9 +1,7 @@
 //! Patches on which nothing can be measured: every appearance model reports them or gives sound numbers. Loops over the
 //! table, so a new model is tested by being listed.
 
-mod common;
-
-use common::{alignment_error, moved};
+use crate::common::{alignment_error, moved};
 use mtf::am::{AMS, AppearanceModel, Curvature, Normal, PatchShape, Side};
 use mtf::diagnose::Waves;
 use mtf::geom::{Corners, Mat3};
@@ -12,6 +10,12 @@ use mtf::kernels::Jacobian;
 use mtf::params::Resolution;
 use mtf::registry::{Registry, Selection};
 use mtf::tracker::TrackError;
+
+crate::tests! {
+    patches_without_content_are_refused_or_give_sound_numbers;
+    a_pixel_that_is_no_number_is_forgotten_with_its_patch;
+    trackers_on_bad_frames_and_tiny_grids_fail_or_stay_finite;
+}
 
 const SHAPES: [(usize, usize); 5] = [(1, 1), (2, 2), (1, 9), (9, 1), (13, 11)];
 
@@ -87,7 +91,6 @@ fn assert_sound(am: &mut dyn AppearanceModel, shape: PatchShape, patches: &[&[f3
     }
 }
 
-#[test]
 fn patches_without_content_are_refused_or_give_sound_numbers() {
     for entry in AMS {
         for (cols, rows) in SHAPES {
@@ -115,7 +118,6 @@ fn patches_without_content_are_refused_or_give_sound_numbers() {
 }
 
 /// A pixel that is no number spoils the patch it is in, and nothing after it.
-#[test]
 fn a_pixel_that_is_no_number_is_forgotten_with_its_patch() {
     let res = Resolution { cols: 13, rows: 11 };
     let shape = PatchShape { res, channels: 1 };
@@ -148,7 +150,6 @@ fn a_pixel_that_is_no_number_is_forgotten_with_its_patch() {
     }
 }
 
-#[test]
 fn trackers_on_bad_frames_and_tiny_grids_fail_or_stay_finite() {
     const SIZE: (usize, usize) = (120, 100);
     let quad = Corners([[31.3, 30.2], [84.7, 25.9], [90.1, 70.4], [26.6, 75.0]]);

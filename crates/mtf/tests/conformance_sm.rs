@@ -1,13 +1,23 @@
 //! What every search method must satisfy; loops over the registry, so a new entry is tested by being listed.
 
-mod common;
-
-use common::{alignment_error, moved, perturbation};
+use crate::common::{alignment_error, moved, perturbation};
 use mtf::am::AppearanceModel;
 use mtf::diagnose::Waves;
 use mtf::geom::{Corners, Mat3, homography};
 use mtf::registry::{Registry, Selection};
 use mtf::tracker::{Stop, TrackError, Tracker};
+
+crate::tests! {
+    recovers_random_homographies;
+    every_hessian_and_option_recovers_small_motion;
+    steepest_ascent_gets_there;
+    hessian_after_convergence_needs_the_truth;
+    standing_still_stays_still_and_repeats_exactly;
+    levenberg_marquardt_never_ends_below_its_start;
+    set_region_keeps_the_template;
+    failures_are_typed_and_leave_the_tracker_usable;
+    every_warp_recovers_its_own_motion;
+}
 
 const SIZE: (usize, usize) = (240, 200);
 
@@ -51,11 +61,10 @@ fn still(waves: &Waves) -> mtf::image::Frame {
     moved(waves, SIZE, &Mat3::identity())
 }
 
-#[test]
 fn recovers_random_homographies() {
     for seed in 0..4 {
         let waves = Waves::new(seed);
-        let mut r = common::rng(seed);
+        let mut r = crate::common::rng(seed);
         let motion = perturbation(&quad(), 3.0 + seed as f64, &mut r);
         let truth = homography::apply_corners(&motion, &quad());
         let next = moved(&waves, SIZE, &motion);
@@ -85,10 +94,9 @@ fn recovers_random_homographies() {
     }
 }
 
-#[test]
 fn every_hessian_and_option_recovers_small_motion() {
     let waves = Waves::new(21);
-    let motion = perturbation(&quad(), 1.5, &mut common::rng(2));
+    let motion = perturbation(&quad(), 1.5, &mut crate::common::rng(2));
     let truth = homography::apply_corners(&motion, &quad());
     let (first, next) = (still(&waves), moved(&waves, SIZE, &motion));
     let registry = Registry::builtin();
@@ -133,10 +141,9 @@ fn every_hessian_and_option_recovers_small_motion() {
     }
 }
 
-#[test]
 fn steepest_ascent_gets_there() {
     let waves = Waves::new(4);
-    let motion = perturbation(&quad(), 2.0, &mut common::rng(7));
+    let motion = perturbation(&quad(), 2.0, &mut crate::common::rng(7));
     let truth = homography::apply_corners(&motion, &quad());
     let registry = Registry::builtin();
     for am in ["ssd", "ncc"] {
@@ -151,10 +158,9 @@ fn steepest_ascent_gets_there() {
     }
 }
 
-#[test]
 fn hessian_after_convergence_needs_the_truth() {
     let waves = Waves::new(4);
-    let motion = perturbation(&quad(), 2.0, &mut common::rng(7));
+    let motion = perturbation(&quad(), 2.0, &mut crate::common::rng(7));
     let truth = homography::apply_corners(&motion, &quad());
     let registry = Registry::builtin();
     for hess in ["current_self", "std"] {
@@ -184,10 +190,9 @@ fn hessian_after_convergence_needs_the_truth() {
     assert!(specs.iter().all(|s| s.parts().0 != "haclk"));
 }
 
-#[test]
 fn standing_still_stays_still_and_repeats_exactly() {
     let waves = Waves::new(3);
-    let motion = perturbation(&quad(), 2.0, &mut common::rng(9));
+    let motion = perturbation(&quad(), 2.0, &mut crate::common::rng(9));
     let next = moved(&waves, SIZE, &motion);
     for (id, mut tracker) in all(&[]) {
         tracker.init(&still(&waves), &quad()).unwrap();
@@ -206,12 +211,11 @@ fn standing_still_stays_still_and_repeats_exactly() {
     }
 }
 
-#[test]
 fn levenberg_marquardt_never_ends_below_its_start() {
     let waves = Waves::new(5);
     for seed in 0..6 {
         // Far beyond the basin: the search fails, but not downwards.
-        let motion = perturbation(&quad(), 25.0, &mut common::rng(seed));
+        let motion = perturbation(&quad(), 25.0, &mut crate::common::rng(seed));
         let next = moved(&waves, SIZE, &motion);
         for (id, mut tracker) in all(&[("leven_marq", "1")]) {
             if !model(&id).similarity_is_merit() {
@@ -244,7 +248,6 @@ fn levenberg_marquardt_never_ends_below_its_start() {
     }
 }
 
-#[test]
 fn set_region_keeps_the_template() {
     // The object turned by 70 degrees, scaled by 1.2 and placed 2.3 px off: beyond any search from the old place.
     let waves = Waves::new(8);
@@ -253,7 +256,7 @@ fn set_region_keeps_the_template() {
     let around = |x: f64, y: f64| Mat3::new(1.0, 0.0, x, 0.0, 1.0, y, 0.0, 0.0, 1.0);
     let turn = around(c[0], c[1]) * Mat3::new(k, -s, 0.0, s, k, 0.0, 0.0, 0.0, 1.0) * around(-c[0], -c[1]);
     let truth = homography::apply_corners(&turn, &quad());
-    let start = homography::apply_corners(&perturbation(&truth, 2.3, &mut common::rng(4)), &truth);
+    let start = homography::apply_corners(&perturbation(&truth, 2.3, &mut crate::common::rng(4)), &truth);
     let next = moved(&waves, SIZE, &turn);
     let registry = Registry::builtin();
     for sm in ["falk", "ialk", "fclk", "iclk", "esm", "aesm", "hesm"] {
@@ -288,7 +291,6 @@ fn set_region_keeps_the_template() {
     }
 }
 
-#[test]
 fn failures_are_typed_and_leave_the_tracker_usable() {
     use mtf::image::{Frame, Image};
     let waves = Waves::new(6);
@@ -329,7 +331,6 @@ fn failures_are_typed_and_leave_the_tracker_usable() {
 }
 
 /// Motion inside a warp's family is found exactly by every Lucas-Kanade method that accepts the warp.
-#[test]
 fn every_warp_recovers_its_own_motion() {
     use mtf::ssm::{SSMS, StateSpaceModel};
     use rand::RngExt;
@@ -341,7 +342,7 @@ fn every_warp_recovers_its_own_motion() {
         ssm.init(&quad(), res).unwrap();
         // Warps that no matrix describes are tested on their own; here they follow a translation.
         let rigid = ssm.capabilities().compositional;
-        let mut r = common::rng(31);
+        let mut r = crate::common::rng(31);
         let state = |r: &mut rand_pcg::Pcg64| -> Vec<f64> {
             (0..ssm.dof()).map(|_| r.random_range(-0.035..0.035)).collect()
         };

@@ -1,7 +1,5 @@
 //! What every appearance model must satisfy; loops over the table, so a new model is tested by being listed.
 
-mod common;
-
 use mtf::am::{AMS, AppearanceModel, PatchShape, Side};
 use mtf::diagnose::{self, PatchPair, Waves};
 use mtf::geom::solve::{SymMatrix, solve_negative};
@@ -9,6 +7,18 @@ use mtf::ilm::ILMS;
 use mtf::kernels::Jacobian;
 use mtf::params::Resolution;
 use rand::RngExt;
+
+crate::tests! {
+    derivatives_agree_with_central_differences;
+    derivatives_with_illumination_agree_with_central_differences;
+    scoring_is_setting_a_patch_and_asking_for_the_similarity;
+    derivatives_hold_with_other_parameters;
+    weighted_models_have_the_gradients_of_their_loss;
+    perfect_alignment_is_the_maximum;
+    centred_gradients_vanish_at_equal_patches_and_turn_with_the_mixed_derivative;
+    distance_orders_patches_as_the_similarity_does;
+    flat_and_saturated_patches_are_no_numbers_in_disguise;
+}
 
 const SHAPE: Resolution = Resolution { cols: 13, rows: 11 };
 
@@ -61,7 +71,6 @@ fn cases() -> Vec<Case> {
     out
 }
 
-#[test]
 fn derivatives_agree_with_central_differences() {
     for entry in AMS {
         for channels in [1, 3] {
@@ -77,7 +86,6 @@ fn derivatives_agree_with_central_differences() {
 }
 
 /// `f(T, g(I(p); a))` by `p` and `a`, for every illumination model and every differentiable appearance model.
-#[test]
 fn derivatives_with_illumination_agree_with_central_differences() {
     for entry in AMS {
         for ilm in ILMS {
@@ -90,7 +98,6 @@ fn derivatives_with_illumination_agree_with_central_differences() {
     }
 }
 
-#[test]
 fn scoring_is_setting_a_patch_and_asking_for_the_similarity() {
     for Case { name, mut am, pair } in cases() {
         let mut quick = am.clone();
@@ -158,7 +165,6 @@ const OPTIONS: &[(&str, &[(&str, &str)])] = &[
     ("sum", &[("am1", "scv"), ("am2", "riu")]),
 ];
 
-#[test]
 fn derivatives_hold_with_other_parameters() {
     for (name, params) in OPTIONS {
         let entry = AMS.iter().find(|e| e.name == *name).unwrap();
@@ -176,7 +182,6 @@ fn derivatives_hold_with_other_parameters() {
 
 /// M-estimators and masks: gradients are those of the loss with scale, statistics and (in NCC) weights held, and only values
 /// in use count.
-#[test]
 fn weighted_models_have_the_gradients_of_their_loss() {
     for name in ["ssd", "nssd", "zncc", "ncc"] {
         let entry = AMS.iter().find(|e| e.name == name).unwrap();
@@ -237,7 +242,6 @@ fn weighted_models_have_the_gradients_of_their_loss() {
     }
 }
 
-#[test]
 fn perfect_alignment_is_the_maximum() {
     for mut c in cases() {
         let likelihood = c.am.likelihood();
@@ -270,7 +274,6 @@ fn perfect_alignment_is_the_maximum() {
 
 /// Models with centred gradients: they are the derivatives of `f` less a share of those at equal patches, and both Hessians
 /// are minus the mixed second derivative of `f` at equal patches.
-#[test]
 fn centred_gradients_vanish_at_equal_patches_and_turn_with_the_mixed_derivative() {
     for entry in AMS {
         if (entry.build)(&[]).unwrap().similarity_is_merit() {
@@ -314,7 +317,7 @@ fn centred_gradients_vanish_at_equal_patches_and_turn_with_the_mixed_derivative(
                 assert!(w > 0.0, "{}, {side:?}: {w}", entry.name);
                 assert!(norm(&off) < 1e-5 * norm(&bias), "{}, {side:?}", entry.name);
 
-                let mut r = common::rng(seed);
+                let mut r = crate::common::rng(seed);
                 let dof = 4;
                 let mut j = Jacobian::new(pair.shape.len(), dof);
                 for k in 0..dof {
@@ -358,10 +361,9 @@ fn centred_gradients_vanish_at_equal_patches_and_turn_with_the_mixed_derivative(
     }
 }
 
-#[test]
 fn distance_orders_patches_as_the_similarity_does() {
     for entry in AMS {
-        let mut r = common::rng(3);
+        let mut r = crate::common::rng(3);
         let shape = PatchShape {
             res: Resolution { cols: 13, rows: 11 },
             channels: 1,
@@ -399,7 +401,6 @@ fn distance_orders_patches_as_the_similarity_does() {
     }
 }
 
-#[test]
 fn flat_and_saturated_patches_are_no_numbers_in_disguise() {
     for entry in AMS {
         let shape = PatchShape {

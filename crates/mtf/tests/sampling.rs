@@ -1,13 +1,24 @@
 //! Samplers of states: moments, calibration, transitions, means, determinism; over every state space model.
 
-mod common;
-
 use mtf::geom::Corners;
 use mtf::params::{ParamValue, Resolution};
 use mtf::ssm::{
     Dynamics, Homography, Increment, Mean, Perturbation, SSMS, SampleUnit, Sampler, SigmaSets, Sl3,
     StateSpaceModel, Translation, mean_into, sigma_of_motion,
 };
+
+crate::tests! {
+    sigma_sets_as_text;
+    parameters_have_the_moments_asked_for;
+    corners_have_the_moments_asked_for;
+    points_determine_every_warp;
+    deviations_of_a_pixel_motion_move_by_it;
+    wrong_numbers_of_deviations_are_refused;
+    transitions_follow_their_definitions;
+    impossible_transitions_change_nothing;
+    means_of_one_and_of_symmetric_samples;
+    group_means_are_karcher_means;
+}
 
 const RES: Resolution = Resolution { cols: 20, rows: 20 };
 const DRAWS: usize = 4000;
@@ -29,7 +40,6 @@ fn sets(text: &str) -> SigmaSets {
     SigmaSets::parse(text).unwrap()
 }
 
-#[test]
 fn sigma_sets_as_text() {
     let s = sets("6:4|0.03:0.02");
     assert_eq!(s, SigmaSets(vec![vec![6.0, 4.0], vec![0.03, 0.02]]));
@@ -44,7 +54,6 @@ fn sigma_sets_as_text() {
     assert_eq!(of, [0, 0, 0, 0, 1, 1, 1, 2, 2, 2]);
 }
 
-#[test]
 fn parameters_have_the_moments_asked_for() {
     let ssm = started(Homography::new());
     let sigma = [0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08];
@@ -55,7 +64,7 @@ fn parameters_have_the_moments_asked_for() {
     );
     sampler.mean = sigma.iter().map(|s| -s).collect();
     sampler.check(&ssm).unwrap();
-    let (mut r, mut d) = (common::rng(1), [0.0; 8]);
+    let (mut r, mut d) = (crate::common::rng(1), [0.0; 8]);
     let (mut sum, mut square) = ([0.0; 8], [0.0; 8]);
     for _ in 0..DRAWS {
         sampler.draw(1, &ssm, &mut r, &mut d).unwrap();
@@ -78,7 +87,6 @@ fn parameters_have_the_moments_asked_for() {
     assert!((square.sqrt() / 0.5 - 1.0).abs() < 0.02);
 }
 
-#[test]
 fn corners_have_the_moments_asked_for() {
     let mut ssm = started(Homography::new());
     for (unit, scale) in [
@@ -91,7 +99,7 @@ fn corners_have_the_moments_asked_for() {
             "0.03:0.02"
         };
         let sampler = Sampler::new(Perturbation::Corners, unit, sets(text));
-        let (mut r, mut d) = (common::rng(2), [0.0; 8]);
+        let (mut r, mut d) = (crate::common::rng(2), [0.0; 8]);
         let (mut own, mut between) = (0.0, 0.0);
         for _ in 0..DRAWS {
             sampler.draw(0, &ssm, &mut r, &mut d).unwrap();
@@ -106,13 +114,12 @@ fn corners_have_the_moments_asked_for() {
     }
 }
 
-#[test]
 fn points_determine_every_warp() {
     for (name, mut ssm) in all() {
         for perturbation in [Perturbation::Corners, Perturbation::Points] {
             let sampler = Sampler::new(perturbation, SampleUnit::Pixels, sets("1.5|2:1"));
             sampler.check(&*ssm).unwrap();
-            let (mut r, mut again) = (common::rng(3), common::rng(3));
+            let (mut r, mut again) = (crate::common::rng(3), crate::common::rng(3));
             let mut d = vec![0.0; ssm.dof()];
             let mut twin = d.clone();
             let mut square = 0.0;
@@ -135,13 +142,12 @@ fn points_determine_every_warp() {
     }
 }
 
-#[test]
 fn deviations_of_a_pixel_motion_move_by_it() {
     for (name, ssm) in all() {
         for pixels in [0.5, 2.0, 8.0] {
             let sampler = Sampler::of_motion(&*ssm, &[1.0, pixels]).unwrap();
             sampler.check(&*ssm).unwrap();
-            let mut r = common::rng(77);
+            let mut r = crate::common::rng(77);
             let mut d = vec![0.0; ssm.dof()];
             let (mut square, mut count) = (0.0, 0.0);
             for _ in 0..DRAWS {
@@ -163,7 +169,6 @@ fn deviations_of_a_pixel_motion_move_by_it() {
     assert!(sigma_of_motion(&Homography::new(), 1.0).is_err());
 }
 
-#[test]
 fn wrong_numbers_of_deviations_are_refused() {
     let ssm = started(Homography::new());
     for (perturbation, text, sound) in [
@@ -180,10 +185,12 @@ fn wrong_numbers_of_deviations_are_refused() {
     let mut s = Sampler::default();
     s.mean = vec![0.0; 3];
     assert!(s.check(&ssm).is_err());
-    assert!(s.draw(7, &ssm, &mut common::rng(0), &mut [0.0; 8]).is_err());
+    assert!(
+        s.draw(7, &ssm, &mut crate::common::rng(0), &mut [0.0; 8])
+            .is_err()
+    );
 }
 
-#[test]
 fn transitions_follow_their_definitions() {
     for (name, mut ssm) in all() {
         let composes = ssm.capabilities().compositional;
@@ -195,14 +202,16 @@ fn transitions_follow_their_definitions() {
             for dynamics in [Dynamics::RandomWalk, Dynamics::Ar1] {
                 let (mut p, mut last) = (start.clone(), motion.clone());
                 let mut delta = vec![0.0; s];
-                sampler.draw(0, &*ssm, &mut common::rng(5), &mut delta).unwrap();
+                sampler
+                    .draw(0, &*ssm, &mut crate::common::rng(5), &mut delta)
+                    .unwrap();
                 sampler
                     .transition(
                         0,
                         &mut *ssm,
                         dynamics,
                         how,
-                        &mut common::rng(5),
+                        &mut crate::common::rng(5),
                         &mut p,
                         &mut last,
                     )
@@ -245,7 +254,7 @@ fn transitions_follow_their_definitions() {
                 &mut ssm,
                 Dynamics::Ar1,
                 Increment::Compositional,
-                &mut common::rng(0),
+                &mut crate::common::rng(0),
                 &mut p,
                 &mut last,
             )
@@ -254,7 +263,6 @@ fn transitions_follow_their_definitions() {
     assert!((p[0] - 0.1 * (1.0 + 0.8 + 0.64)).abs() < 1e-12 && (last[1] + 0.05 * 0.512).abs() < 1e-12);
 }
 
-#[test]
 fn impossible_transitions_change_nothing() {
     let mut ssm = started(Homography::new());
     let mut sampler = Sampler::new(Perturbation::Params, SampleUnit::Pixels, SigmaSets::single(1e9));
@@ -264,7 +272,7 @@ fn impossible_transitions_change_nothing() {
         &mut ssm,
         Dynamics::RandomWalk,
         Increment::Additive,
-        &mut common::rng(1),
+        &mut crate::common::rng(1),
         &mut p,
         &mut last,
     );
@@ -272,7 +280,6 @@ fn impossible_transitions_change_nothing() {
     assert_eq!(p, vec![0.01; 8]);
 }
 
-#[test]
 fn means_of_one_and_of_symmetric_samples() {
     for (name, mut ssm) in all() {
         let s = ssm.dof();
@@ -331,10 +338,9 @@ fn means_of_one_and_of_symmetric_samples() {
 }
 
 /// The first-order condition of the Karcher mean: the logarithms of the samples, seen from it, cancel.
-#[test]
 fn group_means_are_karcher_means() {
     let ssm = started(Sl3::new());
-    let mut r = common::rng(8);
+    let mut r = crate::common::rng(8);
     let sampler = Sampler::new(Perturbation::Params, SampleUnit::Pixels, SigmaSets::single(0.1));
     let weights: Vec<f64> = (0..30).map(|i| 1.0 + (i % 4) as f64).collect();
     let mut states = vec![0.0; 30 * 8];

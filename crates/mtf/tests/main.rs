@@ -1,0 +1,41 @@
+//! Every integration test of the library: a module per subject, its tests in its table.
+
+mod allocations;
+mod bad_patches;
+mod common;
+mod conformance_am;
+mod conformance_sampling_search;
+mod conformance_sm;
+mod conformance_ssm;
+mod harness;
+mod illumination;
+mod networks;
+mod nonrigid;
+mod robust;
+mod sampling;
+
+fn main() -> std::process::ExitCode {
+    harness::run(&[
+        TESTS,
+        allocations::TESTS,
+        bad_patches::TESTS,
+        conformance_am::TESTS,
+        conformance_sampling_search::TESTS,
+        conformance_sm::TESTS,
+        conformance_ssm::TESTS,
+        illumination::TESTS,
+        networks::TESTS,
+        nonrigid::TESTS,
+        robust::TESTS,
+        sampling::TESTS,
+    ])
+}
+
+tests! {
+    every_module_is_listed;
+}
+
+fn every_module_is_listed() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests");
+    assert_eq!(harness::undeclared(folder, include_str!("main.rs")), [""; 0]);
+}

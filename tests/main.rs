@@ -1,0 +1,58 @@
+//! Every integration test of the evaluator: a module per subject, its tests in its table.
+
+mod accuracy;
+mod appearance;
+mod architecture;
+mod bad_input;
+mod bench;
+mod best;
+mod cli;
+mod compare;
+mod composites;
+#[path = "../crates/mtf/tests/harness/mod.rs"]
+mod harness;
+mod illumination;
+mod nonrigid;
+mod protocols;
+mod real_data;
+mod requirements;
+mod resume;
+mod runs;
+mod same_bytes;
+mod sweep;
+mod synth;
+mod trackers;
+
+fn main() -> std::process::ExitCode {
+    harness::run(&[
+        TESTS,
+        accuracy::TESTS,
+        appearance::TESTS,
+        architecture::TESTS,
+        bad_input::TESTS,
+        bench::TESTS,
+        best::TESTS,
+        cli::TESTS,
+        compare::TESTS,
+        composites::TESTS,
+        illumination::TESTS,
+        nonrigid::TESTS,
+        protocols::TESTS,
+        real_data::TESTS,
+        requirements::TESTS,
+        resume::TESTS,
+        same_bytes::TESTS,
+        sweep::TESTS,
+        synth::TESTS,
+        trackers::TESTS,
+    ])
+}
+
+tests! {
+    every_module_is_listed;
+}
+
+fn every_module_is_listed() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests");
+    assert_eq!(harness::undeclared(folder, include_str!("main.rs")), [""; 0]);
+}
