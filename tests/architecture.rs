@@ -1,5 +1,5 @@
-//! The order of the modules of both crates, lowest first. A `use` that goes up fails; `docs/architecture.md` shows the
-//! same order and the arrows that the code has.
+//! The order of the modules of both crates, lowest first. A `use` that goes up fails. `docs/architecture.md` shows the
+//! same order and draws the arrows that the code has; `MTF_EVAL_UPDATE=1` draws them again.
 
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 use std::collections::{BTreeMap, BTreeSet};
@@ -62,6 +62,11 @@ const HOUSES: [House; 2] = [
 impl House {
     fn rank(&self, module: &str) -> Option<usize> {
         self.ranks.iter().position(|rank| rank.contains(&module))
+    }
+
+    fn module_exists(&self, module: &str) -> bool {
+        let folder = root().join(self.source);
+        folder.join(module).is_dir() || folder.join(format!("{module}.rs")).is_file()
     }
 
     /// Every use of one top-level module by another, with a file that has it; tests apart.
@@ -218,4 +223,83 @@ fn modules_use_what_is_below_them() {
         }
     }
     assert!(faults.is_empty(), "\n{faults}");
+}
+
+/// The drawing of a crate: its ranks from the top down, and every arrow that no chain of others implies.
+fn drawing(house: &House) -> String {
+    let mut uses: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for (from, to) in house.arrows().into_keys() {
+        if house.rank(&to).is_some() {
+            uses.entry(from).or_default().insert(to);
+        }
+    }
+    fn reaches(uses: &BTreeMap<String, BTreeSet<String>>, from: &str, to: &str) -> bool {
+        let next = uses.get(from).into_iter().flatten();
+        next.into_iter().any(|n| n == to || reaches(uses, n, to))
+    }
+    let mut text = "```mermaid\nflowchart TD\n".to_owned();
+    for rank in house.ranks.iter().rev() {
+        let used: Vec<&&str> = rank.iter().filter(|m| house.module_exists(m)).collect();
+        for module in used {
+            let _ = writeln!(text, "    {module}");
+        }
+    }
+    for (from, targets) in &uses {
+        let implied = |to: &String| {
+            targets
+                .iter()
+                .any(|other| other != to && reaches(&uses, other, to))
+        };
+        for to in targets.iter().filter(|to| !implied(to)) {
+            let _ = writeln!(text, "    {from} --> {to}");
+        }
+    }
+    text + "```\n"
+}
+
+/// The table of ranks, lowest first, as in the test.
+fn table(house: &House) -> String {
+    let mut text = format!("| rank | modules of `{}` |\n|--:|---|\n", house.name);
+    let ranks = house
+        .ranks
+        .iter()
+        .map(|rank| rank.iter().filter(|m| house.module_exists(m)));
+    for (k, rank) in ranks.enumerate() {
+        let names: Vec<String> = rank.map(|m| format!("`{m}`")).collect();
+        if !names.is_empty() {
+            let _ = writeln!(text, "| {} | {} |", k + 1, names.join(", "));
+        }
+    }
+    text
+}
+
+#[test]
+fn the_page_shows_the_code() {
+    let path = root().join("docs/architecture.md");
+    let page = fs::read_to_string(&path).expect("docs/architecture.md");
+    let mut fresh = page.clone();
+    for house in &HOUSES {
+        for (what, text) in [("table", table(house)), ("drawing", drawing(house))] {
+            let (begin, end) = (
+                format!("<!-- {what} {} -->\n", house.name),
+                format!("<!-- end {what} {} -->", house.name),
+            );
+            let from = fresh
+                .find(&begin)
+                .unwrap_or_else(|| panic!("no '{begin}' in the page"))
+                + begin.len();
+            let to = fresh
+                .find(&end)
+                .unwrap_or_else(|| panic!("no '{end}' in the page"));
+            fresh.replace_range(from..to, &format!("\n{text}\n"));
+        }
+    }
+    if fresh != page && std::env::var_os("MTF_EVAL_UPDATE").is_some() {
+        fs::write(&path, &fresh).expect("the page can be written");
+    } else {
+        assert!(
+            fresh == page,
+            "docs/architecture.md is stale: run the test with MTF_EVAL_UPDATE=1"
+        );
+    }
 }
