@@ -233,10 +233,19 @@ fn drawing(house: &House) -> String {
             uses.entry(from).or_default().insert(to);
         }
     }
-    fn reaches(uses: &BTreeMap<String, BTreeSet<String>>, from: &str, to: &str) -> bool {
-        let next = uses.get(from).into_iter().flatten();
-        next.into_iter().any(|n| n == to || reaches(uses, n, to))
-    }
+    // Modules that can be reached from one.
+    let reach = |from: &String| {
+        let mut seen = BTreeSet::new();
+        let mut next = vec![from];
+        while let Some(module) = next.pop() {
+            for to in uses.get(module).into_iter().flatten() {
+                if seen.insert(to) {
+                    next.push(to);
+                }
+            }
+        }
+        seen
+    };
     let mut text = "```mermaid\nflowchart TD\n".to_owned();
     for rank in house.ranks.iter().rev() {
         let used: Vec<&&str> = rank.iter().filter(|m| house.module_exists(m)).collect();
@@ -248,7 +257,7 @@ fn drawing(house: &House) -> String {
         let implied = |to: &String| {
             targets
                 .iter()
-                .any(|other| other != to && reaches(&uses, other, to))
+                .any(|other| other != to && reach(other).contains(to))
         };
         for to in targets.iter().filter(|to| !implied(to)) {
             let _ = writeln!(text, "    {from} --> {to}");
