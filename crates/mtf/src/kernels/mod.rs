@@ -35,10 +35,10 @@ pub use filter::{Pass, filter_pass, subtract_combination};
 pub use flow::{FlowMatch, FlowWindow, Place, flow_match, flow_mismatch, flow_window, flow_window_warped};
 pub use halve::{halve, halve_scratch_len};
 pub use hamming::{Bits, hamming, hamming_distances};
-#[cfg(target_arch = "x86_64")]
-pub use lanes::Avx2;
-pub(crate) use lanes::dispatch;
-pub use lanes::{Lanes, Portable, SimdLevel, WIDTH, simd_level};
+#[cfg(test)]
+use lanes::Portable;
+use lanes::{Lanes, WIDTH, dispatch};
+pub use lanes::{SimdLevel, simd_level};
 pub use normal::{Jacobian, block_gram, normal_equations, project, weighted_normal_equations};
 pub use photometric::{light, multiply, unlight};
 pub use pixelwise::{

@@ -180,8 +180,11 @@ fn taps<V: Lanes>(image: &Grid2<'_>, x: V, y: V, smooth: bool) -> Option<([V; 2]
     if smooth && (dx.any_zero() || dy.any_zero()) {
         return None;
     }
-    // In bounds: 0 <= floor(x) <= width - 2 or, for a one-pixel-wide image, 0 with a spare column; the same in y.
-    Some(([dx, dy], unsafe { V::quads(image.data, image.stride, lx, ly) }))
+    // SAFETY: `0 <= x < width - 1` or, in an image one pixel wide, `x = 0`, as was just checked; so `floor(x)` and its right
+    // neighbour are pixels or the spare column. The same holds in y with the spare row. `Grid2::new` has checked that the
+    // plane holds the spare column and row and has at most `i32::MAX` elements, and that sizes are exact in `f32`.
+    let quads = unsafe { V::quads(image.data, image.stride, lx, ly) };
+    Some(([dx, dy], quads))
 }
 
 #[inline(always)]
@@ -198,12 +201,16 @@ pub(super) fn sample_lanes<V: Lanes>(
     let mut i = 0;
     while i < n {
         if i + WIDTH <= n
-            && let Some(([dx, dy], [p00, p10, p01, p11])) =
-                taps(&image, V::load(&x[i..]), V::load(&y[i..]), false)
+            && let Some(([dx, dy], [p00, p10, p01, p11])) = taps(
+                &image,
+                V::load(&x[i..i + WIDTH]),
+                V::load(&y[i..i + WIDTH]),
+                false,
+            )
         {
             let upper = dx.mul_add(p10.sub(p00), p00);
             let lower = dx.mul_add(p11.sub(p01), p01);
-            dy.mul_add(lower.sub(upper), upper).store(&mut out[i..]);
+            dy.mul_add(lower.sub(upper), upper).store(&mut out[i..i + WIDTH]);
         } else {
             let at = i..n.min(i + WIDTH);
             outside += careful_values(image, border, &x[at.clone()], &y[at.clone()], &mut out[at]);
@@ -230,15 +237,15 @@ fn sample_gradient_lanes<V: Lanes>(
     while i < n {
         if i + WIDTH <= n
             && let Some(([dx, dy], [p00, p10, p01, p11])) =
-                taps(&image, V::load(&x[i..]), V::load(&y[i..]), true)
+                taps(&image, V::load(&x[i..i + WIDTH]), V::load(&y[i..i + WIDTH]), true)
         {
             let (top, bottom) = (p10.sub(p00), p11.sub(p01));
             let upper = dx.mul_add(top, p00);
             let lower = dx.mul_add(bottom, p01);
             let down = lower.sub(upper);
-            dy.mul_add(down, upper).store(&mut out[i..]);
-            dy.mul_add(bottom.sub(top), top).store(&mut gx[i..]);
-            down.store(&mut gy[i..]);
+            dy.mul_add(down, upper).store(&mut out[i..i + WIDTH]);
+            dy.mul_add(bottom.sub(top), top).store(&mut gx[i..i + WIDTH]);
+            down.store(&mut gy[i..i + WIDTH]);
         } else {
             let at = i..n.min(i + WIDTH);
             let to = [&mut out[at.clone()], &mut gx[at.clone()], &mut gy[at.clone()]];
