@@ -2,11 +2,11 @@
 //! table, so a new model is tested by being listed.
 
 use crate::common::{alignment_error, moved};
+use mtf::Jacobian;
 use mtf::am::{AMS, AppearanceModel, Curvature, Normal, PatchShape, Side};
 use mtf::diagnose::Waves;
 use mtf::geom::{Corners, Mat3};
 use mtf::image::{Frame, Image};
-use mtf::kernels::Jacobian;
 use mtf::params::Resolution;
 use mtf::registry::{Registry, Selection};
 use mtf::tracker::TrackError;

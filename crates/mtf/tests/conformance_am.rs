@@ -1,10 +1,10 @@
 //! What every appearance model must satisfy; loops over the table, so a new model is tested by being listed.
 
+use mtf::Jacobian;
 use mtf::am::{AMS, AppearanceModel, PatchShape, Side};
 use mtf::diagnose::{self, PatchPair, Waves};
 use mtf::geom::solve::{SymMatrix, solve_negative};
 use mtf::ilm::ILMS;
-use mtf::kernels::Jacobian;
 use mtf::params::Resolution;
 use rand::RngExt;
 
