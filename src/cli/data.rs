@@ -2,7 +2,7 @@
 
 use super::exit;
 use super::program::Program;
-use crate::dataset::{self, Dataset, LoadOptions, Severity};
+use crate::dataset::{self, Dataset, Formats, LoadOptions, Severity};
 use anyhow::Result;
 use clap::{Args, Subcommand, ValueEnum};
 use comfy_table::{CellAlignment, Table, presets};
@@ -63,7 +63,7 @@ fn check(paths: &[PathBuf], program: &Program) -> Result<ExitCode> {
     let (mut sequences, mut frames, mut errors, mut warnings) = (0, 0, 0, 0);
     let mut out = std::io::stdout().lock();
     for path in paths {
-        let checked = dataset::check(path);
+        let checked = dataset::check(path, &Formats::builtin());
         sequences += checked.sequences;
         frames += checked.frames;
         for fault in &checked.faults {

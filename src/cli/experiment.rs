@@ -316,6 +316,7 @@ pub fn sequences(
         start: 0,
         frame_gap: args.frame_gap.unwrap_or(1),
         max_frames: args.max_frames,
+        ..LoadOptions::default()
     };
     let mut all = 0;
     let mut chosen = Vec::new();

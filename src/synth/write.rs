@@ -2,7 +2,7 @@
 
 use super::render::{Sequence, render_sequence};
 use super::spec::{Format, SynthError, SynthSpec};
-use crate::dataset::GRID_FILE;
+use crate::dataset::DENSE_FILE;
 use image::{ImageEncoder, RgbImage};
 use rayon::prelude::*;
 use std::fmt::Write as _;
@@ -109,7 +109,7 @@ fn remove_earlier(dir: &Path) -> std::io::Result<()> {
         let number = name
             .strip_prefix("frame")
             .and_then(|n| n.strip_suffix(".jpg").or(n.strip_suffix(".png")));
-        if name == GRID_FILE || number.is_some_and(|n| n.len() == 5 && n.bytes().all(|b| b.is_ascii_digit()))
+        if name == DENSE_FILE || number.is_some_and(|n| n.len() == 5 && n.bytes().all(|b| b.is_ascii_digit()))
         {
             std::fs::remove_file(dir.join(name))?;
         }
@@ -158,7 +158,7 @@ pub fn write_sequence(spec: &SynthSpec, dir: &Path, force: bool) -> Result<Writt
         .map_or("sequence".into(), |n| n.to_string_lossy().into_owned());
     bytes += save("meta.json", metadata(&name, spec, &sequence).as_bytes())?;
     if let Some(text) = dense_ground_truth(&sequence, spec.format) {
-        bytes += save(GRID_FILE, text.as_bytes())?;
+        bytes += save(DENSE_FILE, text.as_bytes())?;
     }
     bytes += save("groundtruth.txt", ground_truth(&sequence, spec.format).as_bytes())?;
     let [mean_speed, max_speed] = sequence.speed();
