@@ -7,6 +7,10 @@ use mtf_eval::dataset::{
 };
 use std::path::Path;
 
+crate::tests! {
+    a_format_of_ones_own;
+}
+
 /// `OBJECT.corners.json`: `{"tags": ["word"], "frames": [[8 numbers], "absent", null, ...]}`.
 struct CornersJson;
 
@@ -71,7 +75,6 @@ fn write(dir: &Path, object: &str, content: &str) {
     std::fs::write(dir.join(format!("{object}{SUFFIX}")), content).unwrap();
 }
 
-#[test]
 fn a_format_of_ones_own() {
     let root = tempfile::tempdir().unwrap();
     let dir = root.path().join("video");
