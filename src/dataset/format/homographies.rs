@@ -36,7 +36,7 @@ impl Format for Homographies {
         Description {
             name: "homographies",
             summary: "image sets with a homography from the first image to each other: HPatches, Oxford",
-            layout: "images `1.*`, `2.*`, ... and homographies `H_1_2`, ... or `H1to2p`, ...",
+            layout: "numbered images and homographies `H_1_2` or `H1to2p` to each from the first",
             conventions: "pixel centres at integers; the object is the whole first image; an image without a homography \
                           is a fault",
         }
