@@ -4,6 +4,7 @@
 //! catalogue has all of them: `run` with every flag, `bench`, `basin`, `diagnose`, `list`, `plan`, experiment files, and
 //! `check` when it repeats a recorded command.
 
+use crate::dataset::Formats;
 use mtf::registry::Registry;
 use std::sync::Arc;
 
@@ -12,6 +13,8 @@ use std::sync::Arc;
 pub struct Catalogue {
     /// Search methods, models and composites: what expressions and lists of names are made of.
     pub registry: Arc<Registry>,
+    /// Formats of datasets.
+    pub formats: Formats,
 }
 
 impl Catalogue {
@@ -19,6 +22,7 @@ impl Catalogue {
     pub fn builtin() -> Catalogue {
         Catalogue {
             registry: Arc::new(Registry::builtin()),
+            formats: Formats::builtin(),
         }
     }
 }
@@ -34,6 +38,7 @@ impl From<Registry> for Catalogue {
     fn from(registry: Registry) -> Catalogue {
         Catalogue {
             registry: Arc::new(registry),
+            ..Catalogue::builtin()
         }
     }
 }

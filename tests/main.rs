@@ -9,6 +9,7 @@ mod best;
 mod cli;
 mod compare;
 mod composites;
+mod extending_format;
 #[path = "../crates/mtf/tests/harness/mod.rs"]
 mod harness;
 mod illumination;
@@ -35,6 +36,7 @@ fn main() -> std::process::ExitCode {
         cli::TESTS,
         compare::TESTS,
         composites::TESTS,
+        extending_format::TESTS,
         illumination::TESTS,
         nonrigid::TESTS,
         protocols::TESTS,

@@ -7,7 +7,7 @@ use clap::Parser;
 use esm::Gray;
 use mtf::geom::Corners;
 use mtf_eval::synth::{
-    Format, Mode, SynthSpec, builtin_commands, builtin_spec, dense_ground_truth, encode, frames,
+    FileType, Mode, SynthSpec, builtin_commands, builtin_spec, dense_ground_truth, encode, frames,
     ground_truth, metadata, render_sequence, write_sequence,
 };
 use std::collections::BTreeMap;
@@ -160,7 +160,9 @@ fn the_dataset_is_small_complete_and_tagged() {
     assert_eq!(found, folders);
     assert!(bytes < 9_000_000, "{bytes} bytes");
     for (name, spec) in &specs {
-        assert!((60..=100).contains(&spec.frames) && spec.size == [320, 240] && spec.format == Format::Jpeg);
+        assert!(
+            (60..=100).contains(&spec.frames) && spec.size == [320, 240] && spec.format == FileType::Jpeg
+        );
         let meta: serde_json::Value =
             serde_json::from_slice(&files(&builtin_dir().join(name))["meta.json"]).unwrap();
         let (out, again) = SynthSpec::parse_command(meta["command"].as_str().unwrap()).unwrap();
@@ -219,7 +221,9 @@ fn ground_truth_agrees_with_an_independent_computation() {
             );
         }
         for (i, row) in rows.iter().enumerate() {
-            let Some(grid) = sequence.grid(i) else { continue };
+            let Some(grid) = sequence.dense_truth(i) else {
+                continue;
+            };
             let far = |k: usize, c: usize| (grid[k][0] - row.0[c][0]).hypot(grid[k][1] - row.0[c][1]);
             assert!(
                 [(0, 0), (9, 1), (99, 2), (90, 3)]

@@ -78,7 +78,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
     selection.max_frames.get_or_insert(MOST_FRAMES);
     let request = BenchRequest {
         trackers,
-        sequences: sequences(&args.data, &selection, console)?,
+        sequences: sequences(&args.data, &selection, program)?,
         pre: parse_preprocessor(args.trackers.pre.as_deref().unwrap_or(USUAL_FILTER))
             .map_err(Failure::usage)?,
         repeats: args.repeats,

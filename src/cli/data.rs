@@ -26,7 +26,7 @@ enum DataCommand {
         #[arg(value_name = "DATA", default_value = dataset::BUILTIN)]
         paths: Vec<PathBuf>,
     },
-    /// Show sequences with frames, size, tags and fingerprint
+    /// Show sequences with their format, frames, size, tags and fingerprint
     Info {
         /// Datasets: folders, or `builtin` for the embedded one
         #[arg(value_name = "DATA", default_value = dataset::BUILTIN)]
@@ -55,7 +55,7 @@ pub fn run(args: &DataArgs, program: &Program) -> Result<ExitCode> {
             paths,
             format,
             paranoid,
-        } => info(paths, *format, *paranoid),
+        } => info(paths, *format, *paranoid, program),
     }
 }
 
@@ -63,7 +63,7 @@ fn check(paths: &[PathBuf], program: &Program) -> Result<ExitCode> {
     let (mut sequences, mut frames, mut errors, mut warnings) = (0, 0, 0, 0);
     let mut out = std::io::stdout().lock();
     for path in paths {
-        let checked = dataset::check(path);
+        let checked = dataset::check(path, &program.catalogue.formats);
         sequences += checked.sequences;
         frames += checked.frames;
         for fault in &checked.faults {
@@ -90,10 +90,14 @@ fn check(paths: &[PathBuf], program: &Program) -> Result<ExitCode> {
     })
 }
 
-fn info(paths: &[PathBuf], format: InfoFormat, paranoid: bool) -> Result<ExitCode> {
+fn info(paths: &[PathBuf], format: InfoFormat, paranoid: bool, program: &Program) -> Result<ExitCode> {
+    let options = LoadOptions {
+        formats: program.catalogue.formats.clone(),
+        ..LoadOptions::default()
+    };
     let mut sets = Vec::new();
     for path in paths {
-        let set = dataset::load(path, &LoadOptions::default())?;
+        let set = dataset::load(path, &options)?;
         let rows = rows(&set, paranoid)?;
         sets.push((set.name, rows));
     }
@@ -118,6 +122,7 @@ fn rows(set: &Dataset, paranoid: bool) -> Result<Vec<Value>> {
         Ok(json!({
             "dataset": s.dataset(),
             "sequence": s.name(),
+            "format": s.format(),
             "frames": s.len(),
             "annotated": s.annotated(),
             "width": s.width(),
@@ -135,6 +140,7 @@ fn table(sets: &[(String, Vec<Value>)]) -> Table {
     table.set_header([
         "dataset",
         "sequence",
+        "format",
         "frames",
         "annotated",
         "size",
@@ -147,6 +153,7 @@ fn table(sets: &[(String, Vec<Value>)]) -> Table {
         table.add_row([
             text(&row["dataset"]),
             text(&row["sequence"]),
+            text(&row["format"]),
             text(&row["frames"]),
             text(&row["annotated"]),
             format!("{}x{}", row["width"], row["height"]),
@@ -155,7 +162,7 @@ fn table(sets: &[(String, Vec<Value>)]) -> Table {
             tags.join(" "),
         ]);
     }
-    for column in [2, 3, 4] {
+    for column in [3, 4, 5] {
         if let Some(column) = table.column_mut(column) {
             column.set_cell_alignment(CellAlignment::Right);
         }

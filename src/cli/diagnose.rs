@@ -75,7 +75,11 @@ pub fn run(args: &DiagnoseArgs, program: &Program) -> Outcome {
     let ssms = registry.select_ssms(&args.ssm).map_err(Failure::usage)?;
     let ilms = registry.select_ilms(&args.ilm).map_err(Failure::usage)?;
     let path = args.data.clone().unwrap_or_else(|| dataset::BUILTIN.into());
-    let data = dataset::load(&path, &LoadOptions::default()).map_err(Failure::usage)?;
+    let options = LoadOptions {
+        formats: program.catalogue.formats.clone(),
+        ..LoadOptions::default()
+    };
+    let data = dataset::load(&path, &options).map_err(Failure::usage)?;
     let sequence = match &args.seq {
         None => data.sequences.first(),
         Some(name) => data.sequences.iter().find(|s| s.name() == name),

@@ -54,7 +54,7 @@ pub fn experiment(
     })?;
     tell(&refused, console);
     let trackers = filtered(specs, &args.trackers, registry, console)?;
-    let mut sequences = sequences(&args.data, &args.selection, console)?;
+    let mut sequences = sequences(&args.data, &args.selection, program)?;
     if let Some(name) = &args.selection.gt_ssm {
         fit_truth(&mut sequences, registry, name)?;
     }
@@ -299,7 +299,7 @@ fn filtered(
 pub fn sequences(
     data: &[PathBuf],
     args: &SelectionArgs,
-    console: &Console,
+    program: &Program,
 ) -> Result<Vec<Sequence>, Failure> {
     let names = globs("--seq", &args.seq)?;
     let wanted = |label: &Label<'_>| {
@@ -309,6 +309,7 @@ pub fn sequences(
         named && (args.tag.is_empty() || args.tag.iter().any(tagged))
     };
     let options = LoadOptions {
+        formats: program.catalogue.formats.clone(),
         on_bad_data: match args.on_bad_data {
             Some(OnBadData::Skip) => dataset::OnBadData::Skip,
             _ => dataset::OnBadData::Fail,
@@ -323,7 +324,7 @@ pub fn sequences(
     for path in if data.is_empty() { &builtin } else { data } {
         let set = dataset::load_where(path, &options, &wanted).map_err(Failure::usage)?;
         for fault in &set.skipped {
-            console.warn(&fault.to_string());
+            program.console.warn(&fault.to_string());
         }
         all += set.sequences.len() + set.unwanted;
         chosen.extend(set.sequences);

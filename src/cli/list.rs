@@ -3,6 +3,7 @@
 use super::console::print;
 use super::exit::{Failure, Outcome};
 use super::program::Program;
+use crate::catalogue::Catalogue;
 use crate::dataset::{self, LoadOptions, OnBadData};
 use crate::metric::error::Metric;
 use crate::metric::score::FIGURES;
@@ -10,7 +11,7 @@ use crate::report::{Format, render};
 use clap::{Args, ValueEnum};
 use mtf::ilm::IlmEntry;
 use mtf::params::ParamInfo;
-use mtf::registry::{Expansion, Registry, Selection};
+use mtf::registry::{Expansion, Selection};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -48,6 +49,8 @@ pub enum ListWhat {
     Metrics,
     /// Sequences
     Data,
+    /// Formats of datasets
+    Formats,
 }
 
 /// Rows of text under a header.
@@ -64,12 +67,12 @@ struct Listing {
 /// # Errors
 /// Data that cannot be read; stdout cannot be written to.
 pub fn run(args: &ListArgs, program: &Program) -> Outcome {
-    let registry = &program.catalogue.registry;
+    let catalogue = &program.catalogue;
     let listings = match args.what {
-        Some(what) => vec![listing(what, registry, &args.data)?],
+        Some(what) => vec![listing(what, catalogue, &args.data)?],
         None => [ListWhat::Sm, ListWhat::Am, ListWhat::Ssm, ListWhat::Ilm]
             .into_iter()
-            .map(|what| listing(what, registry, &args.data))
+            .map(|what| listing(what, catalogue, &args.data))
             .collect::<Result<_, _>>()?,
     };
     let text = match (args.format, listings.as_slice()) {
@@ -84,14 +87,15 @@ pub fn run(args: &ListArgs, program: &Program) -> Outcome {
             let section =
                 |l: &Listing| format!("{}\n\n{}", l.title, render(&l.header, &l.rows, format, false));
             let sections: Vec<String> = many.iter().map(section).collect();
-            let more = "More: mtf-eval list trackers|params|metrics|data\n";
+            let more = "More: mtf-eval list trackers|params|metrics|data|formats\n";
             format!("{}\n{more}", sections.join("\n"))
         }
     };
     print(&text).map(|()| ExitCode::SUCCESS)
 }
 
-fn listing(what: ListWhat, registry: &Registry, data: &[PathBuf]) -> Result<Listing, Failure> {
+fn listing(what: ListWhat, catalogue: &Catalogue, data: &[PathBuf]) -> Result<Listing, Failure> {
+    let registry = &catalogue.registry;
     let row = |cells: &[&str]| cells.iter().map(|s| s.to_string()).collect::<Vec<String>>();
     let mut note = String::new();
     let (title, header, rows) = match what {
@@ -234,6 +238,7 @@ fn listing(what: ListWhat, registry: &Registry, data: &[PathBuf]) -> Result<List
         }
         ListWhat::Data => {
             let options = LoadOptions {
+                formats: catalogue.formats.clone(),
                 on_bad_data: OnBadData::Skip,
                 ..LoadOptions::default()
             };
@@ -254,6 +259,17 @@ fn listing(what: ListWhat, registry: &Registry, data: &[PathBuf]) -> Result<List
                 "sequences",
                 vec!["sequence", "frames", "annotated", "size", "tags"],
                 rows,
+            )
+        }
+        ListWhat::Formats => {
+            let describe = |f: &dyn dataset::Format| {
+                let d = f.describe();
+                row(&[d.name, d.summary, d.layout, d.conventions])
+            };
+            (
+                "formats",
+                vec!["format", "data", "layout", "conventions"],
+                catalogue.formats.iter().map(describe).collect(),
             )
         }
     };

@@ -1,6 +1,7 @@
 //! Finds every fault of a dataset.
 
-use super::layout::{Found, find};
+use super::find::{Unread, find};
+use super::format::Formats;
 use super::open::Draft;
 use super::sequence::{check_size, read_frame};
 use super::{DatasetError, resolve};
@@ -72,9 +73,10 @@ pub struct Checked {
     pub faults: Vec<Fault>,
 }
 
-/// Every fault of the dataset at `path` (a folder, or `builtin`). Decodes every frame, on all threads.
-pub fn check(path: &Path) -> Checked {
-    let found = match resolve(path).and_then(|root| find(&root)) {
+/// Every fault of the dataset at `path` (a folder, or `builtin`) in one of `formats`. Decodes every frame, on all
+/// threads.
+pub fn check(path: &Path, formats: &Formats) -> Checked {
+    let found = match resolve(path).and_then(|root| find(&root, formats)) {
         Ok(found) => found,
         Err(e) => {
             return Checked {
@@ -87,36 +89,39 @@ pub fn check(path: &Path) -> Checked {
         sequences: found.len(),
         ..Checked::default()
     };
-    for found in found {
-        checked.frames += found.frames.len();
-        checked.faults.extend(check_sequence(found));
+    for unread in found {
+        checked.frames += unread.parts.frames.len();
+        checked.faults.extend(check_sequence(unread));
     }
     checked
 }
 
-fn check_sequence(found: Found) -> Vec<Fault> {
-    let mut draft = Draft::new(found);
+fn check_sequence(unread: Unread) -> Vec<Fault> {
+    let mut draft = Draft::new(unread);
     let mut errors = std::mem::take(&mut draft.fatal);
-    let truth_is_usable = errors.is_empty() && draft.truth.corners.iter().any(|c| c.is_some());
+    let annotations = &mut draft.annotations;
+    let truth_faults = std::mem::take(&mut annotations.faults);
+    let truth_is_usable = errors.is_empty() && annotations.frames.iter().any(|a| a.corners().is_some());
 
-    let sizes: Vec<_> = draft
-        .found
-        .frames
+    let frames = &draft.unread.parts.frames;
+    let sizes: Vec<_> = frames
         .par_iter()
-        .map(|(_, file)| read_frame(file, false).map(|d| (d.width(), d.height())))
+        .map(|file| read_frame(file, false).map(|d| (d.width(), d.height())))
         .collect();
     let first = sizes.iter().find_map(|size| size.as_ref().ok()).copied();
 
-    let truth_faults = std::mem::take(&mut draft.truth.faults);
-    // The start is only looked at when its row had no fault of its own.
-    let start_reported = truth_faults
-        .iter()
-        .any(|f| f.line.is_some() && Some(f.line) == draft.truth.lines.first().copied());
+    // The start is only looked at when what is said of it had no fault of its own.
+    let start = annotations.frames.first().and_then(|a| a.location.as_ref());
+    let start_reported = start.is_some_and(|at| {
+        truth_faults
+            .iter()
+            .any(|f| f.path == at.path && f.line == at.line)
+    });
     errors.extend(truth_faults);
     if let (Some(size), true, false) = (first, truth_is_usable, start_reported) {
         errors.extend(draft.start_fault(0, size));
     }
-    for ((_, file), size) in draft.found.frames.iter().zip(sizes) {
+    for (file, size) in frames.iter().zip(sizes) {
         match size {
             Err(e) => errors.push(e),
             Ok(size) => errors.extend(first.and_then(|first| check_size(file, size, first).err())),

@@ -1,14 +1,37 @@
 //! Decoding of image files into 8-bit pixels. Formats are recognised by content, never by name.
+//!
+//! A format is a line in [`KINDS`], and a file in `decode/` unless the decoder of the others reads it.
 
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+mod jpeg;
+mod other;
+
+use image::ImageFormat;
 use mtf::image::Pixels;
-use std::io::{Cursor, ErrorKind};
 use std::path::Path;
-use zune_core::bytestream::ZCursor;
-use zune_core::colorspace::ColorSpace;
-use zune_core::options::DecoderOptions;
-use zune_jpeg::JpegDecoder;
-use zune_jpeg::errors::DecodeErrors;
+
+/// A file format of images.
+struct ImageKind {
+    /// Name in messages.
+    name: &'static str,
+    /// What names of its files end in, lower case.
+    extensions: &'static [&'static str],
+    /// What its first bytes are recognised as.
+    format: ImageFormat,
+    /// Width and height in pixels from the header alone.
+    size: fn(&ImageKind, &[u8]) -> Result<(usize, usize), ImageError>,
+    /// The pixels, with R, G, B when asked for.
+    decode: fn(&ImageKind, &[u8], bool) -> Result<Pixels, ImageError>,
+}
+
+/// Every format.
+const KINDS: &[ImageKind] = &[
+    jpeg::KIND,
+    other::kind("PNG", &["png"], ImageFormat::Png),
+    other::kind("PNM", &["pgm", "ppm", "pbm", "pnm"], ImageFormat::Pnm),
+    other::kind("BMP", &["bmp"], ImageFormat::Bmp),
+    other::kind("TIFF", &["tif", "tiff"], ImageFormat::Tiff),
+    other::kind("GIF", &["gif"], ImageFormat::Gif),
+];
 
 /// Most pixels an image may have.
 pub const MAX_PIXELS: u64 = 1 << 26;
@@ -20,7 +43,7 @@ pub enum ImageError {
     #[error("the image file is empty (0 bytes); copy it again")]
     Empty,
     /// The first bytes are those of no supported format.
-    #[error("not an image in a supported format; use JPEG, PNG, PNM, BMP, TIFF or GIF")]
+    #[error("not an image in a supported format; use {}", image_formats())]
     UnknownFormat,
     /// The file ends before the image does.
     #[error("the {format} image is truncated; copy it again")]
@@ -65,10 +88,8 @@ impl From<std::io::Error> for ImageError {
 
 /// Decodes the image in `bytes`; with `colour` also keeps its R, G, B. The gray plane is the same to the bit either way.
 pub fn decode(bytes: &[u8], colour: bool) -> Result<Pixels, ImageError> {
-    match format_of(bytes)? {
-        ImageFormat::Jpeg => decode_jpeg(bytes, colour),
-        format => decode_other(bytes, format, colour),
-    }
+    let kind = kind_of(bytes)?;
+    (kind.decode)(kind, bytes, colour)
 }
 
 /// [`decode`] of a file's content.
@@ -78,28 +99,32 @@ pub fn decode_file(path: &Path, colour: bool) -> Result<Pixels, ImageError> {
 
 /// Width and height in pixels that the header in `bytes` claims, without decoding.
 pub fn dimensions(bytes: &[u8]) -> Result<(usize, usize), ImageError> {
-    match format_of(bytes)? {
-        ImageFormat::Jpeg => {
-            let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), jpeg_options());
-            decoder.decode_headers().map_err(|e| jpeg_error(bytes, e))?;
-            jpeg_size(&decoder)
-        }
-        format => {
-            let decoder = other_decoder(bytes, format)?;
-            let (width, height) = decoder.dimensions();
-            Ok((width as usize, height as usize))
-        }
+    let kind = kind_of(bytes)?;
+    (kind.size)(kind, bytes)
+}
+
+/// Whether a file of this name is taken for an image.
+pub(super) fn is_image_name(name: &str) -> bool {
+    let extension = name.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
+    extension.is_some_and(|e| KINDS.iter().any(|kind| kind.extensions.contains(&e.as_str())))
+}
+
+/// The names of all formats, for messages.
+pub(super) fn image_formats() -> String {
+    let names: Vec<&str> = KINDS.iter().map(|kind| kind.name).collect();
+    match &names[..] {
+        [several @ .., last] if !several.is_empty() => format!("{} or {last}", several.join(", ")),
+        few => few.concat(),
     }
 }
 
-fn format_of(bytes: &[u8]) -> Result<ImageFormat, ImageError> {
+fn kind_of(bytes: &[u8]) -> Result<&'static ImageKind, ImageError> {
     if bytes.is_empty() {
         return Err(ImageError::Empty);
     }
-    image::guess_format(bytes)
-        .ok()
-        .filter(|format| format.reading_enabled())
-        .ok_or(ImageError::UnknownFormat)
+    let format = image::guess_format(bytes).map_err(|_| ImageError::UnknownFormat)?;
+    let kind = KINDS.iter().find(|kind| kind.format == format);
+    kind.ok_or(ImageError::UnknownFormat)
 }
 
 fn check_size(width: u64, height: u64) -> Result<(), ImageError> {
@@ -109,196 +134,6 @@ fn check_size(width: u64, height: u64) -> Result<(), ImageError> {
     Ok(())
 }
 
-// JPEG ----------------------------------------------------------------------------------------------------------------
-
-fn jpeg_options() -> DecoderOptions {
-    // Strict: bad entropy-coded data must be an error, not a frame that is gray from there on.
-    DecoderOptions::default()
-        .set_strict_mode(true)
-        .set_max_width(1 << 16)
-        .set_max_height(1 << 16)
-}
-
-fn jpeg_size(decoder: &JpegDecoder<ZCursor<&[u8]>>) -> Result<(usize, usize), ImageError> {
-    let (width, height) = decoder.dimensions().unwrap_or((0, 0));
-    check_size(width as u64, height as u64)?;
-    Ok((width, height))
-}
-
-fn decode_jpeg(bytes: &[u8], colour: bool) -> Result<Pixels, ImageError> {
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), jpeg_options());
-    decoder.decode_headers().map_err(|e| jpeg_error(bytes, e))?;
-    let (width, height) = jpeg_size(&decoder)?;
-    let markers = walk_jpeg(bytes);
-    if !markers.reaches_end {
-        return Err(ImageError::Truncated { format: "JPEG" });
-    }
-    if !markers.known_sampling() {
-        let detail = format!("chroma sampling factors {:02x?}", markers.sampling);
-        return Err(ImageError::Unsupported {
-            format: "JPEG",
-            detail,
-        });
-    }
-    // The Y plane is gray by definition (BT.601); files that have none are converted to R, G, B first.
-    let output = match decoder.input_colorspace() {
-        Some(ColorSpace::Luma) => ColorSpace::Luma,
-        Some(ColorSpace::YCbCr) if !colour && markers.plain_luma() => ColorSpace::Luma,
-        Some(ColorSpace::YCbCr) => ColorSpace::YCbCr,
-        _ => ColorSpace::RGB,
-    };
-    decoder.set_options(jpeg_options().jpeg_set_out_colorspace(output));
-    let pixels = decoder.decode().map_err(|e| jpeg_error(bytes, e))?;
-    if pixels.len() != width * height * output.num_components() {
-        let detail = "the decoder returned another number of pixels".into();
-        return Err(ImageError::Corrupt {
-            format: "JPEG",
-            detail,
-        });
-    }
-    Ok(match output {
-        ColorSpace::Luma => Pixels::from_gray(width, height, pixels),
-        ColorSpace::YCbCr => Pixels::from_ycbcr(width, height, pixels, colour),
-        _ if colour => Pixels::from_rgb(width, height, pixels),
-        _ => Pixels::from_rgb(width, height, pixels).without_colour(),
-    })
-}
-
-/// What the markers of a JPEG file say.
-#[derive(Default)]
-struct JpegMarkers {
-    /// They lead to an end-of-image marker. Decoders fill what is missing with gray.
-    reaches_end: bool,
-    /// Sequential, not progressive.
-    sequential: bool,
-    /// Horizontal (high four bits) and vertical (low four bits) sampling factor of each component.
-    sampling: Vec<u8>,
-}
-
-impl JpegMarkers {
-    /// The decoder's gray output is its Y plane to the bit. It is not for progressive 4:4:0, whose rows it mixes up.
-    fn plain_luma(&self) -> bool {
-        self.sequential && matches!(self.sampling[..], [0x11 | 0x21 | 0x22, 0x11, 0x11])
-    }
-
-    /// The decoder's pixels are right: full or one of the usual chroma resolutions. It garbles 4:1:0 and the like.
-    fn known_sampling(&self) -> bool {
-        match self.sampling[..] {
-            [_] => true,
-            [0x11 | 0x21 | 0x12 | 0x22 | 0x41, 0x11, 0x11] => true,
-            [first @ (0x11 | 0x21 | 0x12 | 0x22), 0x11, 0x11, black] => first == black,
-            _ => false,
-        }
-    }
-}
-
-fn walk_jpeg(bytes: &[u8]) -> JpegMarkers {
-    let mut found = JpegMarkers::default();
-    let mut at = 0;
-    while let Some(step) = bytes
-        .get(at..)
-        .and_then(|rest| rest.iter().position(|&b| b == 0xff))
-    {
-        at += step;
-        match bytes.get(at + 1) {
-            None => break,
-            Some(0xd9) => {
-                found.reaches_end = true;
-                break;
-            }
-            Some(0xff) => at += 1,                      // fill byte
-            Some(0x00 | 0x01 | 0xd0..=0xd8) => at += 2, // stuffed byte or a marker without a segment
-            Some(marker) => {
-                let Some(&[high, low]) = bytes.get(at + 2..at + 4) else {
-                    break;
-                };
-                let length = usize::from(u16::from_be_bytes([high, low]));
-                let start_of_frame = matches!(marker, 0xc0..=0xcf) && !matches!(marker, 0xc4 | 0xc8 | 0xcc);
-                if let (true, Some([_, _, _, _, _, _, components @ ..])) =
-                    (start_of_frame, bytes.get(at + 4..at + 2 + length))
-                {
-                    found.sequential = *marker <= 0xc1;
-                    found.sampling = components.chunks_exact(3).map(|component| component[1]).collect();
-                }
-                at += 2 + length;
-            }
-        }
-    }
-    found
-}
-
-fn jpeg_error(bytes: &[u8], error: DecodeErrors) -> ImageError {
-    let format = "JPEG";
-    match error {
-        _ if !walk_jpeg(bytes).reaches_end => ImageError::Truncated { format },
-        DecodeErrors::ExhaustedData | DecodeErrors::IoErrors(_) => ImageError::Truncated { format },
-        DecodeErrors::Unsupported(scheme) => ImageError::Unsupported {
-            format,
-            detail: format!("{scheme:?}"),
-        },
-        other => ImageError::Corrupt {
-            format,
-            detail: one_line(&other.to_string()),
-        },
-    }
-}
-
-// Everything else -----------------------------------------------------------------------------------------------------
-
-fn other_decoder<'a>(bytes: &'a [u8], format: ImageFormat) -> Result<impl ImageDecoder + 'a, ImageError> {
-    let reader = ImageReader::with_format(Cursor::new(bytes), format);
-    let decoder = reader.into_decoder().map_err(|e| other_error(format, e))?;
-    let (width, height) = decoder.dimensions();
-    check_size(width.into(), height.into())?;
-    Ok(decoder)
-}
-
-fn decode_other(bytes: &[u8], format: ImageFormat, colour: bool) -> Result<Pixels, ImageError> {
-    let decoder = other_decoder(bytes, format)?;
-    let image = DynamicImage::from_decoder(decoder).map_err(|e| other_error(format, e))?;
-    let (width, height) = (image.width() as usize, image.height() as usize);
-    if width == 0 || height == 0 {
-        return Err(ImageError::Corrupt {
-            format: name_of(format),
-            detail: "it has no pixels".into(),
-        });
-    }
-    Ok(if !image.color().has_color() {
-        Pixels::from_gray(width, height, image.into_luma8().into_raw())
-    } else {
-        let decoded = Pixels::from_rgb(width, height, image.into_rgb8().into_raw());
-        if colour { decoded } else { decoded.without_colour() }
-    })
-}
-
-fn other_error(format: ImageFormat, error: image::ImageError) -> ImageError {
-    use image::ImageError as E;
-    let format = name_of(format);
-    match error {
-        E::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => ImageError::Truncated { format },
-        E::Unsupported(e) => ImageError::Unsupported {
-            format,
-            detail: one_line(&e.to_string()),
-        },
-        other => ImageError::Corrupt {
-            format,
-            detail: one_line(&other.to_string()),
-        },
-    }
-}
-
-fn name_of(format: ImageFormat) -> &'static str {
-    match format {
-        ImageFormat::Jpeg => "JPEG",
-        ImageFormat::Png => "PNG",
-        ImageFormat::Pnm => "PNM",
-        ImageFormat::Bmp => "BMP",
-        ImageFormat::Tiff => "TIFF",
-        ImageFormat::Gif => "GIF",
-        _ => "unknown",
-    }
-}
-
 fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -306,8 +141,10 @@ fn one_line(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use image::DynamicImage;
     use proptest::prelude::*;
     use rand::{RngExt, SeedableRng};
+    use std::io::Cursor;
 
     fn fixture(name: &str) -> Vec<u8> {
         std::fs::read(format!("{}/tests/data/{name}.jpg", env!("CARGO_MANIFEST_DIR"))).unwrap()

@@ -1,6 +1,6 @@
 //! What can be wrong with a dataset, and where.
 
-use super::decode::ImageError;
+use super::decode::{ImageError, image_formats};
 use std::path::{Path, PathBuf};
 
 /// A fault of a dataset: where it is, what is wrong and what to do. Displays as `path:line: what; remedy`.
@@ -61,10 +61,11 @@ pub enum DatasetErrorKind {
     #[error("the folder is empty; put a sequence (frames and `groundtruth.txt`) into it")]
     EmptyFolder,
     /// The folder holds nothing that looks like a sequence.
-    #[error(
-        "no sequence found; expected frames and `groundtruth.txt` in the folder or its subfolders, or `SEQ.txt` beside each frame folder `SEQ`"
-    )]
-    NoSequences,
+    #[error("no sequence found; expected in the folder or its subfolders: {expected}")]
+    NoSequences {
+        /// The files that each known format is recognised by.
+        expected: String,
+    },
     /// The built-in dataset is not part of this build.
     #[error("this build has no embedded sequences; give the path of a dataset")]
     NothingEmbedded,
@@ -74,7 +75,7 @@ pub enum DatasetErrorKind {
     )]
     NoGroundTruth,
     /// Ground truth without frames.
-    #[error("no frames (JPEG, PNG, PNM, BMP, TIFF or GIF files) for the ground truth; add them")]
+    #[error("no frames ({} files) for the ground truth; add them", image_formats())]
     NoFrames,
     /// The ground truth is not UTF-8 text.
     #[error("not a text file; ground truth is a line of numbers per frame")]
@@ -82,20 +83,20 @@ pub enum DatasetErrorKind {
     /// The ground truth has no rows.
     #[error("no rows of ground truth; write a line of 8 corner coordinates per frame")]
     NoRows,
-    /// No known ground-truth form has rows of this many numbers.
-    #[error(
-        "rows of {numbers} numbers; expected 8 corner coordinates (UL UR LR LL), a box of 4 (x y w h), or a frame name and 8 coordinates"
-    )]
-    UnknownForm {
+    /// The format has no rows of this many numbers.
+    #[error("rows of {numbers} numbers; expected {expected}")]
+    UnknownRows {
         /// Numbers in most rows.
         numbers: usize,
+        /// What rows of the format hold.
+        expected: String,
     },
-    /// A row has another number of numbers than its form asks for.
+    /// A row has another number of numbers than its kind asks for.
     #[error("{found} numbers instead of {expected}; complete the row")]
     WrongCount {
         /// Numbers in the row.
         found: usize,
-        /// Numbers that the form has.
+        /// Numbers that it should have.
         expected: usize,
     },
     /// A word where a number should be.
@@ -195,6 +196,14 @@ pub enum DatasetErrorKind {
     BadMeta {
         /// What the parser met.
         detail: String,
+    },
+    /// Something else that breaks the rules of the format.
+    #[error("{fault}; {remedy}")]
+    Format {
+        /// What is wrong.
+        fault: String,
+        /// What to do about it.
+        remedy: String,
     },
     /// The selection of frames leaves none.
     #[error(

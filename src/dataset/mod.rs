@@ -1,34 +1,41 @@
 //! Datasets: finding sequences on disk or inside the program, their frames and ground truth, and what is wrong with
 //! them.
 //!
-//! A new layout is one file in `layout/` and one line in its table; a new form of ground truth is one file in `truth/`
-//! and one line in its table. Depends on `geom` and `image`.
+//! A new format is one file in `format/` and one line in [`Formats::builtin`]; programs add their own. Depends on `geom`
+//! and `image` of the tracking library.
 
+mod annotation;
 mod check;
 mod decode;
+mod dense;
 mod error;
-mod grid;
-mod layout;
+mod find;
+mod format;
 mod open;
 mod order;
+pub mod rows;
 mod sequence;
-mod source;
-mod truth;
+mod storage;
+mod tags;
 
 #[cfg(test)]
 mod tests;
 
+pub use annotation::{Annotation, Annotations, Location, Region};
 pub use check::{Checked, Fault, Severity, check};
 pub use decode::{ImageError, MAX_PIXELS, decode, decode_file, dimensions};
+pub use dense::DENSE_FILE;
 pub use error::{DatasetError, DatasetErrorKind};
-pub use grid::GRID_FILE;
+pub use format::{Description, Format, Formats, Found, Place, TruthFile};
 pub use order::natural;
 pub use sequence::Sequence;
+pub use storage::{File, Folder};
 
 use include_dir::{Dir, include_dir};
 use open::Draft;
-use source::Folder;
 use std::path::Path;
+use std::sync::Arc;
+use storage::{Disk, Embedded};
 
 /// Name that stands for the embedded dataset wherever a path is expected. A folder of that name is `./builtin`.
 pub const BUILTIN: &str = "builtin";
@@ -70,9 +77,11 @@ pub enum OnBadData {
     Skip,
 }
 
-/// Which frames to load, and what to do about faulty ones.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// What to look for, which frames to load, and what to do about faulty ones.
+#[derive(Clone, Debug)]
 pub struct LoadOptions {
+    /// Formats that are recognised.
+    pub formats: Formats,
     /// What to do about faulty data.
     pub on_bad_data: OnBadData,
     /// First frame, from 0.
@@ -84,9 +93,10 @@ pub struct LoadOptions {
 }
 
 impl Default for LoadOptions {
-    /// All frames; faults are errors.
+    /// The formats of this library; all frames; faults are errors.
     fn default() -> Self {
         LoadOptions {
+            formats: Formats::builtin(),
             on_bad_data: OnBadData::Fail,
             start: 0,
             frame_gap: 1,
@@ -95,8 +105,8 @@ impl Default for LoadOptions {
     }
 }
 
-/// Loads the dataset at `path`: a sequence, a folder of sequences, or [`BUILTIN`]. Layout and form of the ground truth
-/// are detected. Reads ground truth and the header of each first frame; other frames are only read on demand.
+/// Loads the dataset at `path`: a sequence, a folder of sequences, or [`BUILTIN`]. Formats are detected.
+/// Reads ground truth and the header of each first frame; other frames are only read on demand.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError> {
     load_where(path, options, &|_| true)
 }
@@ -108,10 +118,10 @@ pub fn load_where(
     wanted: &dyn Fn(&Label<'_>) -> bool,
 ) -> Result<Dataset, DatasetError> {
     let root = resolve(path)?;
-    let found = layout::find(&root)?;
-    let name = match &found[..] {
-        [one] if one.folder.path() == root.path() => one.dataset.clone(),
-        _ => root.name(),
+    let found = find::find(&root, &options.formats)?;
+    let name = match found.first() {
+        Some(first) if first.folder.path() == root.path() => first.dataset.clone(),
+        _ => root.name().into(),
     };
     let mut dataset = Dataset {
         name,
@@ -120,8 +130,8 @@ pub fn load_where(
         skipped: Vec::new(),
     };
     let mut last = None;
-    for found in found {
-        let draft = Draft::new(found);
+    for unread in found {
+        let draft = Draft::new(unread);
         if !wanted(&draft.label()) {
             dataset.unwanted += 1;
             continue;
@@ -159,14 +169,14 @@ fn open(mut draft: Draft, options: &LoadOptions, faults: &mut Vec<DatasetError>)
             return None;
         }
     };
-    faults.append(&mut draft.truth.faults);
-    let frames = draft.found.frames.len();
+    faults.append(&mut draft.annotations.faults);
+    let frames = draft.unread.parts.frames.len();
     if options.start >= frames || options.max_frames == Some(0) {
         let kind = DatasetErrorKind::NothingSelected {
             start: options.start,
             frames,
         };
-        faults.push(DatasetError::new(draft.found.folder.path(), kind));
+        faults.push(DatasetError::new(draft.unread.folder.path(), kind));
         return None;
     }
     if let Some(fault) = draft.start_fault(options.start, size) {
@@ -186,13 +196,14 @@ fn resolve(path: &Path) -> Result<Folder, DatasetError> {
         if EMBEDDED.dirs().next().is_none() {
             return Err(DatasetError::new(path, DatasetErrorKind::NothingEmbedded));
         }
-        return Ok(Folder::Embedded {
-            dir: &EMBEDDED,
-            path: BUILTIN.into(),
-        });
+        let storage = Embedded {
+            name: BUILTIN,
+            top: &EMBEDDED,
+        };
+        return Ok(Folder::new(Arc::new(storage), BUILTIN.into()));
     }
     match std::fs::metadata(path) {
-        Ok(meta) if meta.is_dir() => Ok(Folder::Disk(path.to_path_buf())),
+        Ok(meta) if meta.is_dir() => Ok(Folder::new(Arc::new(Disk), path.to_path_buf())),
         Ok(_) => Err(DatasetError::new(path, DatasetErrorKind::NotAFolder)),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
             Err(DatasetError::new(path, DatasetErrorKind::Missing))

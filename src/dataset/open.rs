@@ -1,20 +1,18 @@
 //! From a found sequence to an opened one, collecting every fault on the way.
 
+use super::annotation::Annotations;
 use super::decode::dimensions;
-use super::grid::{self, GRID_FILE, Grid};
-use super::layout::Found;
+use super::find::Unread;
+use super::format::TruthFile;
 use super::sequence::{Sequence, Whole};
-use super::truth::{self, Truth};
-use super::{DatasetError, DatasetErrorKind, Label};
+use super::{DatasetError, DatasetErrorKind, Label, dense, tags};
 use sha2::{Digest, Sha256};
 
-/// A sequence whose text files are read; no image has been looked at.
+/// A sequence whose annotations are read; no image has been decoded.
 pub(super) struct Draft {
-    pub found: Found,
-    pub truth: Truth,
+    pub unread: Unread,
+    pub annotations: Annotations,
     truth_digest: [u8; 32],
-    grid: Grid,
-    tags: Vec<String>,
     /// Faults that no use of the sequence can get round.
     pub fatal: Vec<DatasetError>,
     /// Faults that do not keep it from being used as it stands.
@@ -23,41 +21,35 @@ pub(super) struct Draft {
 
 impl Draft {
     /// Reads ground truth and tags.
-    pub fn new(found: Found) -> Draft {
+    pub fn new(unread: Unread) -> Draft {
         let (mut fatal, mut warnings) = (Vec::new(), Vec::new());
+        let (parts, folder) = (&unread.parts, &unread.folder);
         let mut truth_digest = [0; 32];
-        let mut truth = Truth::default();
-        match &found.truth {
-            None => fatal.push(DatasetError::new(
-                found.folder.path(),
-                DatasetErrorKind::NoGroundTruth,
-            )),
-            Some(file) if found.frames.is_empty() => {
+        let mut annotations = Annotations::new(parts.frames.len());
+        match (&unread.format, &parts.truth[..]) {
+            (None, _) | (_, []) => {
+                fatal.push(DatasetError::new(folder.path(), DatasetErrorKind::NoGroundTruth));
+            }
+            (_, [file, ..]) if parts.frames.is_empty() => {
                 fatal.push(DatasetError::new(file.path(), DatasetErrorKind::NoFrames));
             }
-            Some(file) => match file.read() {
+            (Some(format), files) => match files.iter().map(TruthFile::read).collect::<Result<Vec<_>, _>>() {
                 Err(e) => fatal.push(e),
-                Ok(bytes) => {
-                    truth_digest = Sha256::digest(&bytes).into();
-                    let names: Vec<&str> = found.frames.iter().map(|(name, _)| name.as_str()).collect();
-                    truth = truth::parse(&bytes, file.path(), &names, found.form);
+                Ok(truth) => {
+                    let mut hasher = Sha256::new();
+                    truth.iter().for_each(|file| hasher.update(file.bytes()));
+                    truth_digest = hasher.finalize().into();
+                    let read = format.read(parts, &truth, &mut annotations);
+                    annotations.faults.extend(read.err());
                 }
             },
         }
-        let grid = read_grid(&found, &mut truth.faults).unwrap_or_else(|e| {
-            fatal.push(e);
-            Grid::new()
-        });
-        let tags = read_tags(&found).unwrap_or_else(|e| {
-            warnings.push(e);
-            Vec::new()
-        });
+        fatal.extend(dense::read(folder, &parts.frames, &mut annotations).err());
+        warnings.extend(tags::read(folder, &mut annotations).err());
         Draft {
-            found,
-            truth,
+            unread,
+            annotations,
             truth_digest,
-            grid,
-            tags,
             fatal,
             warnings,
         }
@@ -66,36 +58,35 @@ impl Draft {
     /// What it is called.
     pub fn label(&self) -> Label<'_> {
         Label {
-            dataset: &self.found.dataset,
-            name: &self.found.name,
-            tags: &self.tags,
+            dataset: &self.unread.dataset,
+            name: &self.unread.parts.name,
+            tags: &self.annotations.tags,
         }
     }
 
-    /// Why tracking cannot start at frame `start` of a sequence of `size`: no annotation there, or one outside the image.
+    /// Why tracking cannot start at frame `start` of a sequence of `size`: no corners there, or some outside the image.
     pub fn start_fault(&self, start: usize, size: (usize, usize)) -> Option<DatasetError> {
-        let path = self.found.truth.as_ref()?.path();
+        let annotation = self.annotations.frames.get(start)?;
         let (width, height) = size;
         let inside = |v: f64, n: usize| (-0.5..=n as f64 - 0.5).contains(&v);
-        let kind = match self.truth.corners.get(start)? {
+        let kind = match annotation.corners() {
             None => DatasetErrorKind::NoInitialTruth {
-                frame: self.found.frames[start].0.clone(),
+                frame: self.unread.parts.frames[start].name().into(),
             },
             Some(c) if c.0.iter().all(|&[x, y]| inside(x, width) && inside(y, height)) => return None,
             Some(_) => DatasetErrorKind::InitialOutside { width, height },
         };
-        Some(DatasetError {
-            path: path.to_path_buf(),
-            line: self.truth.lines[start],
-            kind,
+        Some(match &annotation.location {
+            Some(location) => location.fault(kind),
+            None => DatasetError::new(self.unread.parts.truth.first()?.path(), kind),
         })
     }
 
     /// Size of the first frame, from its header.
     pub fn first_size(&self) -> Result<(usize, usize), DatasetError> {
-        let Some((_, file)) = self.found.frames.first() else {
+        let Some(file) = self.unread.parts.frames.first() else {
             return Err(DatasetError::new(
-                self.found.folder.path(),
+                self.unread.folder.path(),
                 DatasetErrorKind::NoFrames,
             ));
         };
@@ -104,62 +95,20 @@ impl Draft {
 
     /// The sequence, with what is valid of its ground truth.
     pub fn into_sequence(self, (width, height): (usize, usize)) -> Sequence {
+        let parts = self.unread.parts;
         Sequence::new(Whole {
-            dataset: self.found.dataset,
-            name: self.found.name,
-            folder: self.found.folder,
-            frames: self.found.frames,
-            truth: self.truth.corners,
+            dataset: self.unread.dataset,
+            name: parts.name,
+            format: self.unread.format.map_or("", |format| format.describe().name),
+            folder: self.unread.folder,
+            frames: parts.frames,
+            annotations: self.annotations.frames,
             truth_digest: self.truth_digest,
-            grid: self.grid,
-            tags: self.tags,
+            tags: self.annotations.tags,
             width,
             height,
             sizes: Default::default(),
             decoded: Default::default(),
         })
     }
-}
-
-/// Dense ground truth, when the folder has any; what is wrong with its rows goes to `faults`.
-fn read_grid(found: &Found, faults: &mut Vec<DatasetError>) -> Result<Grid, DatasetError> {
-    let listing = found.folder.list()?;
-    let Some(file) = listing.file(GRID_FILE) else {
-        return Ok(Grid::new());
-    };
-    let names: Vec<&str> = found.frames.iter().map(|(name, _)| name.as_str()).collect();
-    Ok(grid::parse(&file.read()?, file.path(), &names, faults))
-}
-
-/// Words of `tags.txt` and of `tags` in `meta.json`, in order, each once.
-fn read_tags(found: &Found) -> Result<Vec<String>, DatasetError> {
-    let listing = found.folder.list()?;
-    let mut tags: Vec<String> = Vec::new();
-    if let Some(file) = listing.file("tags.txt") {
-        let bytes = file.read()?;
-        let text = String::from_utf8_lossy(&bytes);
-        let words = text
-            .split(|c: char| c.is_whitespace() || c == ',')
-            .filter(|w| !w.is_empty());
-        tags.extend(words.map(String::from));
-    }
-    if let Some(file) = listing.file("meta.json") {
-        #[derive(serde::Deserialize)]
-        struct Meta {
-            #[serde(default)]
-            tags: Vec<String>,
-        }
-        let meta: Meta = serde_json::from_slice(&file.read()?).map_err(|e| {
-            DatasetError::new(
-                file.path(),
-                DatasetErrorKind::BadMeta {
-                    detail: e.to_string(),
-                },
-            )
-        })?;
-        tags.extend(meta.tags);
-    }
-    let mut seen = std::collections::BTreeSet::new();
-    tags.retain(|tag| seen.insert(tag.clone()));
-    Ok(tags)
 }

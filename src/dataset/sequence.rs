@@ -1,8 +1,9 @@
 //! One sequence: frames, ground truth, tags; decoded frame by frame on demand.
 
+use super::annotation::Annotation;
 use super::decode::decode;
-use super::grid::{GRID_FILE, Grid};
-use super::source::{File, Folder};
+use super::dense::DENSE_FILE;
+use super::storage::{File, Folder};
 use super::{DatasetError, DatasetErrorKind};
 use mtf::geom::Corners;
 use mtf::image::Pixels;
@@ -28,12 +29,11 @@ pub struct Sequence {
 pub(super) struct Whole {
     pub dataset: String,
     pub name: String,
+    pub format: &'static str,
     pub folder: Folder,
-    pub frames: Vec<(String, File)>,
-    pub truth: Vec<Option<Corners>>,
+    pub frames: Vec<File>,
+    pub annotations: Vec<Annotation>,
     pub truth_digest: [u8; 32],
-    /// Dense ground truth per frame; empty without.
-    pub grid: Grid,
     pub tags: Vec<String>,
     pub width: usize,
     pub height: usize,
@@ -91,7 +91,7 @@ impl Sequence {
         &self,
         fit: impl Fn(&Corners, &Corners) -> Result<Corners, E>,
     ) -> Result<Self, (String, E)> {
-        let mut fitted = vec![None; self.whole.truth.len()];
+        let mut fitted = vec![None; self.whole.annotations.len()];
         let mut first = None;
         for i in 0..self.len {
             if let Some(corners) = self.truth(i) {
@@ -113,6 +113,10 @@ impl Sequence {
     /// Name, unique within the dataset.
     pub fn name(&self) -> &str {
         &self.whole.name
+    }
+    /// Name of the format it has.
+    pub fn format(&self) -> &'static str {
+        self.whole.format
     }
     /// The folder it was found in.
     pub fn path(&self) -> &Path {
@@ -146,16 +150,24 @@ impl Sequence {
     }
     /// File name of frame `i`; panics when `i >= len()`.
     pub fn frame_name(&self, i: usize) -> &str {
-        &self.whole.frames[self.index(i)].0
+        self.whole.frames[self.index(i)].name()
     }
-    /// Ground truth of frame `i` in image pixels, `None` when it is not annotated; panics when `i >= len()`.
+    /// Ground truth of frame `i` in image pixels, `None` when it has no corners; panics when `i >= len()`.
     pub fn truth(&self, i: usize) -> Option<Corners> {
-        self.fitted.as_deref().unwrap_or(&self.whole.truth)[self.index(i)]
+        let i = self.index(i);
+        match &self.fitted {
+            Some(fitted) => fitted[i],
+            None => self.whole.annotations[i].corners(),
+        }
+    }
+    /// What the data says about frame `i`; panics when `i >= len()`.
+    pub fn annotation(&self, i: usize) -> &Annotation {
+        &self.whole.annotations[self.index(i)]
     }
     /// Dense ground truth of frame `i`: where the points of a grid on the object are, px; `None` when it has none. The same
     /// number of points in every frame. Panics when `i >= len()`.
-    pub fn grid(&self, i: usize) -> Option<&[[f64; 2]]> {
-        self.whole.grid.get(self.index(i))?.as_deref()
+    pub fn dense_truth(&self, i: usize) -> Option<&[[f64; 2]]> {
+        self.annotation(i).dense.as_deref()
     }
     /// Number of annotated frames.
     pub fn annotated(&self) -> usize {
@@ -166,7 +178,7 @@ impl Sequence {
     ///
     /// Errors: the file cannot be read or decoded, or has another size than the first frame.
     pub fn read(&self, i: usize, colour: bool) -> Result<Pixels, DatasetError> {
-        let file = &self.whole.frames[self.index(i)].1;
+        let file = &self.whole.frames[self.index(i)];
         self.whole.decoded.fetch_add(1, Ordering::Relaxed);
         let decoded = read_frame(file, colour)?;
         let size = (decoded.width(), decoded.height());
@@ -181,31 +193,31 @@ impl Sequence {
 
     /// Content of another file in the sequence's folder, such as dense ground truth; `None` when there is none.
     pub fn file(&self, name: &str) -> Result<Option<Cow<'static, [u8]>>, DatasetError> {
-        self.whole.folder.list()?.file(name).map(File::read).transpose()
+        self.whole.folder.file(name).map(|file| file.read()).transpose()
     }
 
-    /// Identity of the data in 64 hex digits: SHA-256 over the ground truth's bytes (corners and, when there is one,
-    /// grid), the image size, and for each frame its name, file size and corners. The place on disk does not count.
+    /// Identity of the data in 64 hex digits: SHA-256 over the bytes of the ground truth's files (and of the dense
+    /// one), the image size, and for each frame its name, file size and corners. The place on disk does not count.
     pub fn fingerprint(&self) -> String {
-        hex(&self.hasher().finalize())
+        format!("{:x}", self.hasher().finalize())
     }
 
     /// [`fingerprint`](Self::fingerprint) that also covers the decoded pixels of every frame. Decodes the sequence.
     pub fn fingerprint_of_pixels(&self) -> Result<String, DatasetError> {
         let mut hasher = self.hasher();
         for i in 0..self.len {
-            let decoded = read_frame(&self.whole.frames[self.index(i)].1, true)?;
+            let decoded = read_frame(&self.whole.frames[self.index(i)], true)?;
             hasher.update(decoded.gray());
             hasher.update(decoded.rgb().unwrap_or_default());
         }
-        Ok(hex(&hasher.finalize()))
+        Ok(format!("{:x}", hasher.finalize()))
     }
 
     fn hasher(&self) -> Sha256 {
         let whole = &*self.whole;
         let sizes = whole
             .sizes
-            .get_or_init(|| whole.frames.iter().map(|(_, file)| file.size()).collect());
+            .get_or_init(|| whole.frames.iter().map(File::size).collect());
         let mut hasher = Sha256::new();
         let mut put = |bytes: &[u8]| {
             // The length goes first, so that no two lists of fields run together.
@@ -214,7 +226,7 @@ impl Sequence {
         };
         put(b"sequence 1");
         put(&whole.truth_digest);
-        put(&self.file(GRID_FILE).ok().flatten().unwrap_or_default());
+        put(&self.file(DENSE_FILE).ok().flatten().unwrap_or_default());
         put(&[whole.width as u64, whole.height as u64, self.len as u64]
             .map(u64::to_le_bytes)
             .concat());
@@ -252,8 +264,4 @@ pub(super) fn check_size(
         first_height: first.1,
     };
     Err(DatasetError::new(file.path(), kind))
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }

@@ -1,4 +1,4 @@
-//! Layouts, selections and fingerprints. Faults are tested in `tests/bad_input.rs`.
+//! Formats, selections and fingerprints. Faults are tested in `tests/bad_input.rs`.
 
 use super::*;
 use mtf::geom::Corners;
@@ -114,14 +114,60 @@ fn vot_and_otb_layouts() {
     let truth: Vec<_> = data
         .sequences
         .iter()
-        .map(|s| (s.name(), s.truth(1).unwrap()))
+        .map(|s| (s.name(), s.format(), s.truth(1).unwrap()))
         .collect();
     let expected = [
-        ("otb", Corners::rect(2.5, 3.5, 5.0, 6.0)),
-        ("plain", quad(1)),
-        ("vot", quad(1).translated(-0.5, -0.5)),
+        ("otb", "otb", Corners::rect(2.5, 3.5, 5.0, 6.0)),
+        ("plain", "folder", quad(1)),
+        ("vot", "vot", quad(1).translated(-0.5, -0.5)),
     ];
     assert_eq!(truth, expected);
+}
+
+#[test]
+fn homographies_carry_the_first_image_to_the_others() {
+    let root = tempfile::tempdir().unwrap();
+    for (set, matrices, images) in [
+        ("hpatches", ["H_1_2", "H_1_10"], ["1.png", "2.png", "10.png"]),
+        (
+            "oxford",
+            ["H1to2p", "H1to10p"],
+            ["img1.png", "img2.png", "img10.png"],
+        ),
+    ] {
+        let dir = root.path().join(set);
+        write_frames(&dir, &images.map(String::from));
+        std::fs::write(dir.join(matrices[0]), "1 0 3\n0 1 -2\n0 0 1\n").unwrap();
+        std::fs::write(dir.join(matrices[1]), "2 0 0\n0 2 0\n0 0 4\n").unwrap();
+    }
+    let whole = Corners::rect(0.0, 0.0, 19.0, 13.0);
+    let data = load_all(root.path());
+    assert_eq!(data.sequences.len(), 2);
+    for sequence in &data.sequences {
+        let truth: Vec<_> = (0..3).map(|i| sequence.truth(i).unwrap()).collect();
+        let expected = [
+            whole,
+            whole.translated(3.0, -2.0),
+            Corners::rect(0.0, 0.0, 9.5, 6.5),
+        ];
+        assert_eq!((sequence.format(), &truth[..]), ("homographies", &expected[..]));
+    }
+    assert_ne!(data.sequences[0].fingerprint(), data.sequences[1].fingerprint());
+
+    let dir = root.path().join("hpatches");
+    std::fs::remove_file(dir.join("H_1_10")).unwrap();
+    std::fs::write(dir.join("H_1_2"), "1 0 3 0 1 -2 0 0").unwrap();
+    let faults = check(&dir, &Formats::builtin()).faults;
+    let messages: Vec<String> = faults.iter().map(ToString::to_string).collect();
+    assert_eq!(messages.len(), 2, "{messages:?}");
+    assert!(
+        messages[0].contains("H_1_2: 8 numbers instead of 9"),
+        "{messages:?}"
+    );
+    assert!(
+        messages[1].contains("10.png: no homography leads to this image; "),
+        "{messages:?}"
+    );
 }
 
 #[test]
@@ -213,9 +259,9 @@ fn the_fingerprint_is_of_the_data_alone() {
         sequence.truncated(4).fingerprint(),
     ];
 
-    std::fs::write(b.join(super::GRID_FILE), "0,1,2\n").unwrap();
+    std::fs::write(b.join(super::DENSE_FILE), "0,1,2\n").unwrap();
     all.push(of(&b));
-    std::fs::remove_file(b.join(super::GRID_FILE)).unwrap();
+    std::fs::remove_file(b.join(super::DENSE_FILE)).unwrap();
     std::fs::write(b.join("groundtruth.txt"), mtf_text(&names(5)) + "\n").unwrap();
     all.push(of(&b));
     write_sequence(&b, 5);

@@ -352,6 +352,7 @@ mod tests {
             start: 0,
             frame_gap: 1,
             max_frames: Some(6),
+            ..LoadOptions::default()
         };
         let set = dataset::load(std::path::Path::new(dataset::BUILTIN), &options).unwrap();
         let request = BenchRequest {

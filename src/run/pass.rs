@@ -281,7 +281,7 @@ fn dense_error(
     i: usize,
     corners: Option<Corners>,
 ) -> Option<f64> {
-    let (first, truth) = (sequence.grid(start)?, sequence.grid(i)?);
+    let (first, truth) = (sequence.dense_truth(start)?, sequence.dense_truth(i)?);
     let plane = || homography::from_corners(&sequence.truth(start)?, &corners?);
     Some(plane().map_or(f64::INFINITY, |plane| {
         let told = |x: [f64; 2]| tracker.and_then(|t| t.place(x));

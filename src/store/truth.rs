@@ -39,7 +39,7 @@ impl Truth {
 pub(crate) fn of(prepared: &Prepared<'_>) -> Vec<Truth> {
     let truth = |s: &&crate::dataset::Sequence| Truth {
         corners: (0..s.len()).map(|i| s.truth(i)).collect(),
-        dense: (0..s.len()).map(|i| s.grid(i).is_some()).collect(),
+        dense: (0..s.len()).map(|i| s.dense_truth(i).is_some()).collect(),
     };
     prepared.sequences.iter().map(truth).collect()
 }

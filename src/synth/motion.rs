@@ -56,6 +56,11 @@ impl Model {
     }
 }
 
+/// The shift by `(x, y)` px.
+pub(crate) fn shift(x: f64, y: f64) -> Mat3 {
+    Mat3::new(1.0, 0.0, x, 0.0, 1.0, y, 0.0, 0.0, 1.0)
+}
+
 /// Warp parameters: `tx, ty` (px), `angle` (rad, clockwise on screen), `scale` (natural logarithm), `stretch`
 /// (logarithm), `shear`, `vx, vy` (1/px).
 pub type Pose = [f64; 8];
@@ -88,8 +93,7 @@ pub fn warp(pose: &Pose, centre: [f64; 2]) -> Mat3 {
         1.0,
     );
     let tilt = Mat3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, vx, vy, 1.0);
-    let back = Mat3::new(1.0, 0.0, -centre[0], 0.0, 1.0, -centre[1], 0.0, 0.0, 1.0);
-    place * affine * tilt * back
+    place * affine * tilt * shift(-centre[0], -centre[1])
 }
 
 /// Largest value of each pose entry; see [`Pose`] for units.

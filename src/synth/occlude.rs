@@ -2,9 +2,9 @@
 //!
 //! Depends on `geom` only.
 
-use super::path::{Path, project};
 use super::random::Random;
 use super::spec::SynthSpec;
+use super::trajectory::{Trajectory, project};
 use mtf::geom::Mat3;
 
 /// A rectangular patch on a straight course.
@@ -37,7 +37,7 @@ impl Occluder {
 }
 
 /// Fraction of the object covered at frame `t`, from a 48 x 48 grid over it.
-pub(crate) fn covered(occluders: &[Occluder], path: &Path, object: [f64; 2], t: f64) -> f64 {
+pub(crate) fn covered(occluders: &[Occluder], path: &Trajectory, object: [f64; 2], t: f64) -> f64 {
     const N: usize = 48;
     let placed = path.placed(t);
     let at = |i: usize, n: f64| ((i as f64 + 0.5) / N as f64 - 0.5) * n;
@@ -50,7 +50,7 @@ pub(crate) fn covered(occluders: &[Occluder], path: &Path, object: [f64; 2], t: 
 
 /// Two patches that meet the object at about a third and three quarters of the sequence and cover at most
 /// `spec.occlude` of it, nothing in the first frame.
-pub(crate) fn place(spec: &SynthSpec, path: &Path, random: &mut Random) -> Vec<Occluder> {
+pub(crate) fn place(spec: &SynthSpec, path: &Trajectory, random: &mut Random) -> Vec<Occluder> {
     if spec.occlude <= 0.0 {
         return vec![];
     }
@@ -122,7 +122,7 @@ mod tests {
             speed: 1.0,
             ..SynthSpec::default()
         };
-        let path = Path::new(&spec, &mut Random::new(2, 2)).unwrap();
+        let path = Trajectory::new(&spec, &mut Random::new(2, 2)).unwrap();
         let occluders = place(&spec, &path, &mut Random::new(2, 5));
         let all: Vec<f64> = (0..60)
             .map(|i| covered(&occluders, &path, spec.object, f64::from(i)))

@@ -3,8 +3,9 @@
 //! One table, [`OPTIONS`], serves the command line, recorded commands and error messages.
 
 use super::motion::Model;
-use super::spec::{Background, Format, Light, Mode, Source, SynthError, SynthSpec};
+use super::spec::{Background, FileType, Light, Mode, Source, SynthError, SynthSpec};
 use super::texture;
+use mtf::registry::suggest;
 use std::path::Path;
 
 /// An option of the notation.
@@ -42,8 +43,8 @@ pub const OPTIONS: &[SynthOption] = &[
     option("turn", |s| s.turn.to_string(), |s, v| put(&mut s.turn, number(v, -360.0, 360.0))),
     option("lean", |s| s.lean.to_string(), |s, v| put(&mut s.lean, number(v, -0.9, 0.9))),
     option("margin", |s| s.margin.to_string(), |s, v| put(&mut s.margin, number(v, 0.0, 1e4))),
-    option("motion", |s| s.model.name().into(), |s, v| put(&mut s.model, model(v))),
-    option("mode", |s| mode_name(s.mode).into(), |s, v| put(&mut s.mode, mode(v))),
+    option("motion", |s| s.model.name().into(), |s, v| put(&mut s.model, choice(v, &Model::ALL, Model::name))),
+    option("mode", |s| s.mode.name().into(), |s, v| put(&mut s.mode, choice(v, &Mode::ALL, Mode::name))),
     option("sigma", |s| s.sigma.to_string(), |s, v| put(&mut s.sigma, number(v, 0.0, 1e3))),
     option("amplitude", |s| s.amplitude.to_string(), |s, v| put(&mut s.amplitude, number(v, 0.0, 1e4))),
     option("speed", |s| s.speed.to_string(), |s, v| put(&mut s.speed, number(v, 0.01, 1e3))),
@@ -62,7 +63,7 @@ pub const OPTIONS: &[SynthOption] = &[
     option("seed", |s| s.seed.to_string(),
         |s, v| put(&mut s.seed, v.parse().map_err(|_| "not a whole number".into()))),
     option("quality", |s| s.quality.to_string(), |s, v| put(&mut s.quality, integer(v, 1, 100).map(|q| q as u8))),
-    option("format", |s| s.format.extension().into(), |s, v| put(&mut s.format, format(v))),
+    option("format", |s| s.format.extension().into(), |s, v| put(&mut s.format, file_type(v))),
     option("tags", |s| s.tags.join(","), |s, v| put(&mut s.tags, tags(v))),
 ];
 
@@ -146,24 +147,25 @@ fn put<T>(slot: &mut T, value: Result<T, String>) -> Result<(), String> {
 }
 
 fn number(text: &str, low: f64, high: f64) -> Result<f64, String> {
-    let v: f64 = text
-        .trim()
-        .parse()
-        .map_err(|_| format!("'{text}' is not a number"))?;
-    if v.is_finite() && (low..=high).contains(&v) {
-        Ok(v)
-    } else {
-        Err(format!("must lie in {low}..{high}"))
-    }
+    parsed(text, "a number", low, high)
 }
 
 fn integer(text: &str, low: usize, high: usize) -> Result<usize, String> {
-    let v: usize = text
+    parsed(text, "a whole number", low, high)
+}
+
+/// A value between `low` and `high`.
+fn parsed<T>(text: &str, what: &str, low: T, high: T) -> Result<T, String>
+where
+    T: Copy + std::str::FromStr + PartialOrd + std::fmt::Display,
+{
+    let value: T = text
         .trim()
         .parse()
-        .map_err(|_| format!("'{text}' is not a whole number"))?;
-    if (low..=high).contains(&v) {
-        Ok(v)
+        .map_err(|_| format!("'{text}' is not {what}"))?;
+    // Not a number does not lie anywhere.
+    if (low..=high).contains(&value) {
+        Ok(value)
     } else {
         Err(format!("must lie in {low}..{high}"))
     }
@@ -208,12 +210,7 @@ fn source(name: &str) -> Result<Source, String> {
         return Ok(Source::Drawn(t.name));
     }
     let names: Vec<_> = texture::TEXTURES.iter().map(|t| t.name).collect();
-    let near = names
-        .iter()
-        .max_by(|a, b| strsim::jaro(a, name).total_cmp(&strsim::jaro(b, name)));
-    let hint = near
-        .filter(|n| strsim::jaro(n, name) > 0.7)
-        .map_or(String::new(), |n| format!("did you mean {n}? "));
+    let hint = suggest(name, names.iter().copied()).map_or(String::new(), |n| format!("did you mean {n}? "));
     Err(format!("no such texture; {hint}there are {}", names.join(", ")))
 }
 
@@ -237,9 +234,9 @@ fn background(text: &str) -> Result<Background, String> {
         "still" => Background::Still,
         "black" => Background::Black,
         path if texture::find(path).is_none() && Path::new(path).extension().is_some() => {
-            Background::Plane(Source::File(path.into()))
+            Background::Surface(Source::File(path.into()))
         }
-        name => Background::Plane(
+        name => Background::Surface(
             source(name).map_err(|e| format!("same, still, black, a file, or a texture: {e}"))?,
         ),
     })
@@ -250,34 +247,23 @@ fn background_name(b: &Background) -> String {
         Background::Same => "same".into(),
         Background::Still => "still".into(),
         Background::Black => "black".into(),
-        Background::Plane(s) => drawn(s) + &file(s),
+        Background::Surface(s) => drawn(s) + &file(s),
     }
 }
 
-fn model(text: &str) -> Result<Model, String> {
-    let found = Model::ALL.into_iter().find(|m| m.name() == text);
-    found.ok_or_else(|| format!("one of {}", Model::ALL.map(Model::name).join(", ")))
+/// The one of `all` that is called `text`.
+fn choice<T: Copy>(text: &str, all: &[T], name: fn(T) -> &'static str) -> Result<T, String> {
+    let found = all.iter().find(|value| name(**value) == text);
+    found.copied().ok_or_else(|| {
+        let names: Vec<_> = all.iter().map(|value| name(*value)).collect();
+        format!("one of {}", names.join(", "))
+    })
 }
 
-fn mode(text: &str) -> Result<Mode, String> {
-    let all = [Mode::Smooth, Mode::Continuous, Mode::Independent];
-    all.into_iter()
-        .find(|m| mode_name(*m) == text)
-        .ok_or("one of smooth, continuous, independent".into())
-}
-
-fn mode_name(mode: Mode) -> &'static str {
-    match mode {
-        Mode::Smooth => "smooth",
-        Mode::Continuous => "continuous",
-        Mode::Independent => "independent",
-    }
-}
-
-fn format(text: &str) -> Result<Format, String> {
+fn file_type(text: &str) -> Result<FileType, String> {
     match text {
-        "jpg" | "jpeg" => Ok(Format::Jpeg),
-        "png" => Ok(Format::Png),
+        "jpg" | "jpeg" => Ok(FileType::Jpeg),
+        "png" => Ok(FileType::Png),
         _ => Err("jpg or png".into()),
     }
 }

@@ -6,33 +6,33 @@
 use super::bend::{self, Bend};
 use super::canvas::length;
 use super::light::Lighting;
-use super::motion::{Curves, Pose};
+use super::motion::{Curves, Pose, shift};
 use super::occlude::{self, Occluder};
-use super::path::{Path, affine_misfit, project};
-use super::plane::Plane;
 use super::random::Random;
 use super::spec::{Background, Mode, Source, SynthError, SynthSpec};
+use super::surface::Surface;
 use super::texture;
+use super::trajectory::{Trajectory, affine_misfit, project};
 use image::RgbImage;
 use mtf::geom::{Corners, Mat3, homography};
 use rayon::prelude::*;
 
-/// A sequence ready to be rendered frame by frame, in any order.
-pub struct Sequence {
+/// What a sequence shows, ready to be rendered frame by frame, in any order.
+pub struct Scene {
     spec: SynthSpec,
-    path: Path,
-    object: Plane,
-    background: Option<Plane>,
+    path: Trajectory,
+    object: Surface,
+    background: Option<Surface>,
     pan: Curves,
     occluders: Vec<Occluder>,
-    patches: Vec<Plane>,
+    patches: Vec<Surface>,
     lighting: Option<Lighting>,
     bend: Option<Bend>,
 }
 
-/// A plane at one instant.
+/// A surface at one instant.
 struct Layer<'a> {
-    plane: &'a Plane,
+    surface: &'a Surface,
     /// Frame to texels.
     map: Mat3,
     /// Frame to the plane of the sheet.
@@ -54,15 +54,15 @@ const STREAM_OCCLUDE: u64 = 5;
 const STREAM_NOISE: u64 = 1 << 40;
 
 /// Points of the grid of dense truth per side.
-const GRID: usize = 10;
+const DENSE_SIDE: usize = 10;
 
 /// Prepares the sequence of `spec`: draws or reads its textures and computes its path.
 ///
 /// # Errors
 /// [`SynthError::BadValue`] for a value out of range, [`SynthError::Image`] for an unreadable image,
 /// [`SynthError::Impossible`] when the motion cannot be had.
-pub fn render_sequence(spec: &SynthSpec) -> Result<Sequence, SynthError> {
-    Sequence::new(spec)
+pub fn render_sequence(spec: &SynthSpec) -> Result<Scene, SynthError> {
+    Scene::new(spec)
 }
 
 /// All frames of `spec` with their corners, in memory.
@@ -70,7 +70,7 @@ pub fn render_sequence(spec: &SynthSpec) -> Result<Sequence, SynthError> {
 /// # Errors
 /// Those of [`render_sequence`].
 pub fn frames(spec: &SynthSpec) -> Result<Vec<(RgbImage, Corners)>, SynthError> {
-    Ok(Sequence::new(spec)?.iter().collect())
+    Ok(Scene::new(spec)?.iter().collect())
 }
 
 fn load(source: &Source, seed: u64) -> Result<RgbImage, SynthError> {
@@ -92,16 +92,12 @@ fn load(source: &Source, seed: u64) -> Result<RgbImage, SynthError> {
     }
 }
 
-fn shifted(x: f64, y: f64) -> Mat3 {
-    Mat3::new(1.0, 0.0, x, 0.0, 1.0, y, 0.0, 0.0, 1.0)
-}
-
 /// Texels per pixel when `image` just covers `width` x `height` pixels.
 fn covering(image: &RgbImage, width: f64, height: f64) -> f64 {
     (f64::from(image.width()) / width).min(f64::from(image.height()) / height)
 }
 
-impl Sequence {
+impl Scene {
     fn new(spec: &SynthSpec) -> Result<Self, SynthError> {
         spec.validate()?;
         if spec.bend > bend::MOST * spec.object[0] {
@@ -112,7 +108,7 @@ impl Sequence {
                 bend::MOST * spec.object[0]
             )));
         }
-        let path = Path::new(spec, &mut Random::new(spec.seed, STREAM_PATH))?;
+        let path = Trajectory::new(spec, &mut Random::new(spec.seed, STREAM_PATH))?;
         let image = load(&spec.source, spec.seed)?;
         let [w, h] = spec.size.map(|n| n as f64);
         let sheet = spec.object.map(|n| n + 2.0 * spec.margin);
@@ -123,14 +119,14 @@ impl Sequence {
             covering(&image, sheet[0], sheet[1])
         };
         let density = spec.density.unwrap_or(fitting);
-        let object = Plane::new(&image, density, spec.soften, spec.tone);
+        let object = Surface::new(&image, density, spec.soften, spec.tone);
         let background = match &spec.background {
             Background::Same | Background::Black => None,
-            Background::Still => Some(Plane::new(&image, density, spec.defocus, spec.tone)),
-            Background::Plane(source) => {
+            Background::Still => Some(Surface::new(&image, density, spec.defocus, spec.tone)),
+            Background::Surface(source) => {
                 let image = load(source, spec.seed ^ 0x5eed)?;
                 let density = covering(&image, w + 2.0 * spec.pan, h + 2.0 * spec.pan);
-                Some(Plane::new(&image, density, spec.defocus, spec.tone))
+                Some(Surface::new(&image, density, spec.defocus, spec.tone))
             }
         };
         let mut random = Random::new(spec.seed, STREAM_OCCLUDE);
@@ -142,11 +138,11 @@ impl Sequence {
         let coat = |o: &Occluder| {
             let image = coats.swap_remove(random.below(coats.len())).draw(spec.seed);
             let density = covering(&image, 2.0 * o.half[0].max(4.0), 2.0 * o.half[1].max(4.0));
-            Plane::new(&image, density, spec.soften, spec.tone)
+            Surface::new(&image, density, spec.soften, spec.tone)
         };
         let patches = occluders.iter().map(coat).collect();
         let rate = 0.6 / spec.frames as f64;
-        Ok(Sequence {
+        Ok(Scene {
             pan: Curves::new(&mut Random::new(spec.seed, STREAM_PAN), spec.frames, rate),
             lighting: Lighting::new(spec, &mut Random::new(spec.seed, STREAM_LIGHT)),
             bend: (spec.bend > 0.0).then_some(Bend {
@@ -189,12 +185,12 @@ impl Sequence {
         homography::apply(&self.path.placed(t), q)
     }
 
-    /// Places of a 10x10 grid over the object in frame `i`, px, row by row; `None` when the corners tell all.
-    pub fn grid(&self, i: usize) -> Option<Vec<[f64; 2]>> {
+    /// Where the points of a 10x10 grid on the object are in frame `i`, px, row by row; `None` when the corners tell all.
+    pub fn dense_truth(&self, i: usize) -> Option<Vec<[f64; 2]>> {
         let bend = self.bend?;
-        let at = |k: usize, n: f64| n * (k as f64 / (GRID - 1) as f64 - 0.5);
+        let at = |k: usize, n: f64| n * (k as f64 / (DENSE_SIDE - 1) as f64 - 0.5);
         let [w, h] = self.spec.object;
-        let points = (0..GRID * GRID).map(|k| [at(k % GRID, w), at(k / GRID, h)]);
+        let points = (0..DENSE_SIDE * DENSE_SIDE).map(|k| [at(k % DENSE_SIDE, w), at(k / DENSE_SIDE, h)]);
         Some(points.map(|m| self.place(bend, i, m)).collect())
     }
 
@@ -280,20 +276,19 @@ impl Sequence {
             .collect()
     }
 
-    /// Planes at time `t`, nearest first.
-    fn layers(&self, t: f64) -> Vec<Layer<'_>> {
+    /// Surfaces at time `t`, nearest first.
+    fn layers<'a>(&'a self, t: f64) -> Vec<Layer<'a>> {
         let mut layers = Vec::with_capacity(4);
-        let mut add = |plane, placed: Mat3, half: Option<[f64; 2]>, object: bool| {
+        let mut add = |surface: &'a Surface, placed: Mat3, half: Option<[f64; 2]>, object: bool| {
             let Some(sheet) = placed.try_inverse() else { return };
             let bend = self.bend.filter(|_| object).map(|b| (b, b.amount(t)));
             let room = bend.map_or(0.0, |(_, amount)| 2.0 * amount);
             let bounds = half.map_or([f64::MIN, f64::MIN, f64::MAX, f64::MAX], |h| {
                 extent(&placed, h.map(|n| n + room))
             });
-            let plane: &Plane = plane;
-            let map = plane.to_texels * sheet;
+            let map = surface.to_texels * sheet;
             layers.push(Layer {
-                plane,
+                surface,
                 map,
                 sheet,
                 half,
@@ -302,21 +297,21 @@ impl Sequence {
                 object,
             });
         };
-        for (o, plane) in self.occluders.iter().zip(&self.patches) {
-            add(plane, o.placed(t), Some(o.half), false);
+        for (o, patch) in self.occluders.iter().zip(&self.patches) {
+            add(patch, o.placed(t), Some(o.half), false);
         }
         let half = self.spec.object.map(|n| n / 2.0 + self.spec.margin);
         let whole = self.spec.background == Background::Same;
         add(&self.object, self.path.placed(t), (!whole).then_some(half), true);
-        if let Some(plane) = &self.background {
+        if let Some(background) = &self.background {
             let placed = if self.spec.background == Background::Still {
                 self.path.placed(0.0)
             } else {
                 let middle = self.spec.size.map(|n| (n as f64 - 1.0) / 2.0);
                 let c = self.pan.at(t);
-                shifted(middle[0] + self.spec.pan * c[0], middle[1] + self.spec.pan * c[1])
+                shift(middle[0] + self.spec.pan * c[0], middle[1] + self.spec.pan * c[1])
             };
-            add(plane, placed, None, false);
+            add(background, placed, None, false);
         }
         layers
     }
@@ -382,12 +377,12 @@ fn pixel(instants: &[Vec<Layer<'_>>], x: f64, y: f64, n: usize) -> ([f64; 3], f6
                 });
                 if inside {
                     let texel = match layer.bend {
-                        Some(_) => flat().and_then(|m| project(&layer.plane.to_texels, m)),
+                        Some(_) => flat().and_then(|m| project(&layer.surface.to_texels, m)),
                         None => project(&layer.map, p),
                     };
                     // Behind the horizon of an endless plane there is nothing.
                     if let Some([u, v]) = texel {
-                        let c = layer.plane.sample(u, v);
+                        let c = layer.surface.sample(u, v);
                         sum = [0, 1, 2].map(|k| sum[k] + f64::from(c[k]));
                         on_object += usize::from(layer.object);
                     }
@@ -405,7 +400,7 @@ mod tests {
     use super::*;
 
     /// A white sheet on black, so that coverage can be measured.
-    fn white_sheet(change: &[(&str, &str)]) -> Sequence {
+    fn white_sheet(change: &[(&str, &str)]) -> Scene {
         let mut spec = SynthSpec::default();
         for (k, v) in [
             ("tone", "255..255"),
@@ -416,7 +411,7 @@ mod tests {
             spec.set(k, v).unwrap();
         }
         change.iter().for_each(|(k, v)| spec.set(k, v).unwrap());
-        Sequence::new(&spec).unwrap()
+        Scene::new(&spec).unwrap()
     }
 
     #[test]
@@ -468,12 +463,12 @@ mod tests {
     fn light_on_the_object_alone_leaves_the_rest() {
         let mut spec = SynthSpec {
             frames: 12,
-            background: Background::Plane(Source::Drawn("metal")),
+            background: Background::Surface(Source::Drawn("metal")),
             ..Default::default()
         };
-        let plain = Sequence::new(&spec).unwrap().frame(6);
+        let plain = Scene::new(&spec).unwrap().frame(6);
         spec.set("light", "gain=0.5..1.5,bias=30,object").unwrap();
-        let s = Sequence::new(&spec).unwrap();
+        let s = Scene::new(&spec).unwrap();
         let lit = s.frame(6);
         let centre = s.corners(6).centroid();
         assert_eq!(plain.get_pixel(2, 2), lit.get_pixel(2, 2));

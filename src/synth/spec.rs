@@ -65,8 +65,8 @@ pub enum Background {
     Still,
     /// Nothing.
     Black,
-    /// Another plane.
-    Plane(Source),
+    /// Another texture or image, at rest but for a shift of its own.
+    Surface(Source),
 }
 
 /// How the motion comes about.
@@ -78,6 +78,20 @@ pub enum Mode {
     Continuous,
     /// A random warp of the first frame, each frame anew.
     Independent,
+}
+
+impl Mode {
+    /// All.
+    pub const ALL: [Mode; 3] = [Mode::Smooth, Mode::Continuous, Mode::Independent];
+
+    /// Name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Mode::Smooth => "smooth",
+            Mode::Continuous => "continuous",
+            Mode::Independent => "independent",
+        }
+    }
 }
 
 /// Changes of light: `I' = gain(t) shade(x, y, t) I + bias(t)`; at frame 0 gain is 1 and bias 0.
@@ -99,7 +113,7 @@ pub struct Light {
 
 /// File type of the frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub enum FileType {
     /// JPEG, 4:2:0.
     Jpeg,
     /// PNG, lossless.
@@ -113,7 +127,7 @@ pub struct SynthSpec {
     pub source: Source,
     /// What surrounds the object.
     pub background: Background,
-    /// Amplitude of the background's own shift, px (with [`Background::Plane`]).
+    /// Amplitude of the background's own shift, px (with [`Background::Surface`]).
     pub pan: f64,
     /// Standard deviation of the Gaussian that puts the background out of focus, px.
     pub defocus: f64,
@@ -176,7 +190,7 @@ pub struct SynthSpec {
     /// JPEG quality 1..100.
     pub quality: u8,
     /// File type.
-    pub format: Format,
+    pub format: FileType,
     /// What is hard about the sequence.
     pub tags: Vec<String>,
 }
@@ -223,18 +237,18 @@ impl Default for SynthSpec {
             occlude: 0.0,
             seed: 1,
             quality: 95,
-            format: Format::Jpeg,
+            format: FileType::Jpeg,
             tags: vec![],
         }
     }
 }
 
-impl Format {
+impl FileType {
     /// Extension of the files.
     pub fn extension(self) -> &'static str {
         match self {
-            Format::Jpeg => "jpg",
-            Format::Png => "png",
+            FileType::Jpeg => "jpg",
+            FileType::Png => "png",
         }
     }
 }

@@ -1,11 +1,10 @@
 //! Sequence folders: frames, `groundtruth.txt`, `groundtruth_grid.csv` (of sheets that bend), `meta.json`.
 
-use super::render::{Sequence, render_sequence};
-use super::spec::{Format, SynthError, SynthSpec};
-use crate::dataset::GRID_FILE;
+use super::render::{Scene, render_sequence};
+use super::spec::{FileType, SynthError, SynthSpec};
+use crate::dataset::DENSE_FILE;
 use image::{ImageEncoder, RgbImage};
 use rayon::prelude::*;
-use std::fmt::Write as _;
 use std::path::Path;
 
 /// What was written.
@@ -22,8 +21,8 @@ pub struct Written {
 }
 
 /// Name of frame `i` (from 0): `frame00001.jpg`, ...
-pub(crate) fn frame_name(i: usize, format: Format) -> String {
-    format!("frame{:05}.{}", i + 1, format.extension())
+pub(crate) fn frame_name(i: usize, file_type: FileType) -> String {
+    format!("frame{:05}.{}", i + 1, file_type.extension())
 }
 
 /// The bytes of a frame's file.
@@ -34,7 +33,7 @@ pub fn encode(image: &RgbImage, spec: &SynthSpec) -> Result<Vec<u8>, String> {
     let (w, h) = image.dimensions();
     let mut bytes = Vec::new();
     match spec.format {
-        Format::Jpeg => {
+        FileType::Jpeg => {
             let (Ok(width), Ok(height)) = (u16::try_from(w), u16::try_from(h)) else {
                 return Err("too large for JPEG".into());
             };
@@ -43,7 +42,7 @@ pub fn encode(image: &RgbImage, spec: &SynthSpec) -> Result<Vec<u8>, String> {
             let done = encoder.encode(image.as_raw(), width, height, jpeg_encoder::ColorType::Rgb);
             done.map_err(|e| e.to_string())?;
         }
-        Format::Png => {
+        FileType::Png => {
             let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
             let done = encoder.write_image(image.as_raw(), w, h, image::ExtendedColorType::Rgb8);
             done.map_err(|e| e.to_string())?;
@@ -53,39 +52,48 @@ pub fn encode(image: &RgbImage, spec: &SynthSpec) -> Result<Vec<u8>, String> {
 }
 
 /// Text of `groundtruth.txt`: a header, then per frame its file name and UL UR LR LL, px, tab separated.
-pub fn ground_truth(sequence: &Sequence, format: Format) -> String {
-    let mut text = String::from("frame\tulx\tuly\turx\tury\tlrx\tlry\tllx\tlly\n");
-    for i in 0..sequence.len() {
-        text += &frame_name(i, format);
-        for v in sequence.corners(i).to_array() {
-            let _ = write!(text, "\t{v:.8}");
-        }
-        text.push('\n');
-    }
-    text
+pub fn ground_truth(scene: &Scene, file_type: FileType) -> String {
+    let header = "frame ulx uly urx ury lrx lry llx lly"
+        .split(' ')
+        .map(String::from);
+    let rows = (0..scene.len()).map(|i| {
+        let corners = scene.corners(i).to_array().map(|v| format!("{v:.8}"));
+        std::iter::once(frame_name(i, file_type)).chain(corners).collect()
+    });
+    separated(b'\t', std::iter::once(header.collect()).chain(rows))
 }
 
 /// Text of `groundtruth_grid.csv`: per frame its file name and the places of the grid's points, px; `None` when the
 /// corners tell all.
-pub fn dense_ground_truth(sequence: &Sequence, format: Format) -> Option<String> {
-    let points = sequence.grid(0)?.len();
-    let header: String = (1..=points).map(|k| format!(",x{k},y{k}")).collect();
-    let mut text = format!("frame{header}\n");
-    for i in 0..sequence.len() {
-        text += &frame_name(i, format);
-        for [x, y] in sequence.grid(i)? {
-            let _ = write!(text, ",{x:.4},{y:.4}");
-        }
-        text.push('\n');
+pub fn dense_ground_truth(scene: &Scene, file_type: FileType) -> Option<String> {
+    let points = scene.dense_truth(0)?.len();
+    let columns = (1..=points).flat_map(|k| [format!("x{k}"), format!("y{k}")]);
+    let header: Vec<String> = std::iter::once("frame".into()).chain(columns).collect();
+    let rows = (0..scene.len()).map(|i| {
+        let places = scene.dense_truth(i).unwrap_or_default();
+        let places = places.iter().flatten().map(|v| format!("{v:.4}"));
+        std::iter::once(frame_name(i, file_type)).chain(places).collect()
+    });
+    Some(separated(b',', std::iter::once(header).chain(rows)))
+}
+
+/// Rows of cells as text.
+fn separated(delimiter: u8, rows: impl Iterator<Item = Vec<String>>) -> String {
+    let mut out = csv::WriterBuilder::new()
+        .delimiter(delimiter)
+        .from_writer(Vec::new());
+    for row in rows {
+        // A vector takes everything.
+        let _ = out.write_record(row);
     }
-    Some(text)
+    String::from_utf8(out.into_inner().unwrap_or_default()).unwrap_or_default()
 }
 
 /// Text of `meta.json` for a sequence called `name`.
-pub fn metadata(name: &str, spec: &SynthSpec, sequence: &Sequence) -> String {
+pub fn metadata(name: &str, spec: &SynthSpec, scene: &Scene) -> String {
     let round = |v: f64| (v * 1000.0).round() / 1000.0;
-    let most = |f: &dyn Fn(usize) -> f64| round((0..sequence.len()).map(f).fold(0.0, f64::max));
-    let [mean, max] = sequence.speed();
+    let most = |f: &dyn Fn(usize) -> f64| round((0..scene.len()).map(f).fold(0.0, f64::max));
+    let [mean, max] = scene.speed();
     let meta = serde_json::json!({
         "tags": spec.tags,
         "command": spec.command(name),
@@ -95,9 +103,9 @@ pub fn metadata(name: &str, spec: &SynthSpec, sequence: &Sequence) -> String {
             "model": spec.model.name(),
             "mean_px_per_frame": round(mean),
             "max_px_per_frame": round(max),
-            "max_affine_misfit_px": most(&|i| sequence.affine_misfit(i)),
+            "max_affine_misfit_px": most(&|i| scene.affine_misfit(i)),
         },
-        "max_covered": most(&|i| sequence.covered(i)),
+        "max_covered": most(&|i| scene.covered(i)),
     });
     format!("{meta:#}\n")
 }
@@ -109,7 +117,7 @@ fn remove_earlier(dir: &Path) -> std::io::Result<()> {
         let number = name
             .strip_prefix("frame")
             .and_then(|n| n.strip_suffix(".jpg").or(n.strip_suffix(".png")));
-        if name == GRID_FILE || number.is_some_and(|n| n.len() == 5 && n.bytes().all(|b| b.is_ascii_digit()))
+        if name == DENSE_FILE || number.is_some_and(|n| n.len() == 5 && n.bytes().all(|b| b.is_ascii_digit()))
         {
             std::fs::remove_file(dir.join(name))?;
         }
@@ -128,7 +136,7 @@ pub fn write_sequence(spec: &SynthSpec, dir: &Path, force: bool) -> Result<Writt
         path: path.to_path_buf(),
         reason,
     };
-    let sequence = render_sequence(spec)?;
+    let scene = render_sequence(spec)?;
     std::fs::create_dir_all(dir).map_err(|e| failed(dir, e.to_string()))?;
     let mut inside = std::fs::read_dir(dir).map_err(|e| failed(dir, e.to_string()))?;
     if inside.next().is_some() && !force {
@@ -144,7 +152,7 @@ pub fn write_sequence(spec: &SynthSpec, dir: &Path, force: bool) -> Result<Writt
     }
     let frame = |i: usize| {
         let name = frame_name(i, spec.format);
-        let bytes = encode(&sequence.frame(i), spec).map_err(|e| failed(&dir.join(&name), e))?;
+        let bytes = encode(&scene.frame(i), spec).map_err(|e| failed(&dir.join(&name), e))?;
         save(&name, &bytes)
     };
     let mut bytes: u64 = (0..spec.frames)
@@ -156,12 +164,12 @@ pub fn write_sequence(spec: &SynthSpec, dir: &Path, force: bool) -> Result<Writt
     let name = called
         .file_name()
         .map_or("sequence".into(), |n| n.to_string_lossy().into_owned());
-    bytes += save("meta.json", metadata(&name, spec, &sequence).as_bytes())?;
-    if let Some(text) = dense_ground_truth(&sequence, spec.format) {
-        bytes += save(GRID_FILE, text.as_bytes())?;
+    bytes += save("meta.json", metadata(&name, spec, &scene).as_bytes())?;
+    if let Some(text) = dense_ground_truth(&scene, spec.format) {
+        bytes += save(DENSE_FILE, text.as_bytes())?;
     }
-    bytes += save("groundtruth.txt", ground_truth(&sequence, spec.format).as_bytes())?;
-    let [mean_speed, max_speed] = sequence.speed();
+    bytes += save("groundtruth.txt", ground_truth(&scene, spec.format).as_bytes())?;
+    let [mean_speed, max_speed] = scene.speed();
     Ok(Written {
         frames: spec.frames,
         bytes,

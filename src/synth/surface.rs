@@ -5,8 +5,8 @@
 use image::RgbImage;
 use mtf::geom::Mat3;
 
-/// Texels of one plane. Sheet coordinates are pixels of the first frame with the origin at the image's middle.
-pub(crate) struct Plane {
+/// Texels of one surface. Sheet coordinates are pixels of the first frame with the origin at the image's middle.
+pub(crate) struct Surface {
     width: usize,
     height: usize,
     texels: Vec<[f32; 3]>,
@@ -14,7 +14,7 @@ pub(crate) struct Plane {
     pub to_texels: Mat3,
 }
 
-impl Plane {
+impl Surface {
     /// `density`: image pixels per frame pixel at the first frame. The stored level has 1.5 to 3 texels per pixel (or
     /// twice the image's), so that a few bilinear samples per pixel average over all of them. `defocus`: sigma of a
     /// Gaussian, frame pixels. `tone`: intensities that 0 and 255 become.
@@ -27,7 +27,7 @@ impl Plane {
             .collect();
         let middle = |n: usize| (n as f64 - 1.0) / 2.0;
         let to_texels = Mat3::new(density, 0.0, middle(w), 0.0, density, middle(h), 0.0, 0.0, 1.0);
-        let mut plane = Plane {
+        let mut surface = Surface {
             width: w,
             height: h,
             texels,
@@ -35,17 +35,17 @@ impl Plane {
         };
         let mut level = density;
         if level < 1.5 {
-            plane = plane.doubled();
+            surface = surface.doubled();
             level *= 2.0;
         }
-        while level >= 3.0 && plane.width > 1 && plane.height > 1 {
-            plane = plane.halved();
+        while level >= 3.0 && surface.width > 1 && surface.height > 1 {
+            surface = surface.halved();
             level /= 2.0;
         }
         if defocus > 0.0 {
-            plane.blurred(defocus * level)
+            surface.blurred(defocus * level)
         } else {
-            plane
+            surface
         }
     }
 
@@ -54,7 +54,7 @@ impl Plane {
     }
 
     /// Half the size; each texel the mean of four.
-    fn halved(&self) -> Plane {
+    fn halved(&self) -> Surface {
         let (w, h) = (self.width.div_ceil(2), self.height.div_ceil(2));
         let mut texels = Vec::with_capacity(w * h);
         for y in 0..h as i64 {
@@ -65,7 +65,7 @@ impl Plane {
             }
         }
         let to_texels = Mat3::new(0.5, 0.0, -0.25, 0.0, 0.5, -0.25, 0.0, 0.0, 1.0) * self.to_texels;
-        Plane {
+        Surface {
             width: w,
             height: h,
             texels,
@@ -74,7 +74,7 @@ impl Plane {
     }
 
     /// Twice the size by Catmull-Rom interpolation.
-    fn doubled(&self) -> Plane {
+    fn doubled(&self) -> Surface {
         // Weights of the four neighbours at 1/4 and 3/4 between the middle two.
         const NEAR: [f32; 4] = [-0.070_312_5, 0.867_187_5, 0.226_562_5, -0.023_437_5];
         let taps = |i: i64| {
@@ -104,7 +104,7 @@ impl Plane {
             }
         }
         let to_texels = Mat3::new(2.0, 0.0, 0.5, 0.0, 2.0, 0.5, 0.0, 0.0, 1.0) * self.to_texels;
-        Plane {
+        Surface {
             width: w,
             height: h,
             texels,
@@ -113,14 +113,14 @@ impl Plane {
     }
 
     /// Gaussian of the given sigma, texels.
-    fn blurred(self, sigma: f64) -> Plane {
+    fn blurred(self, sigma: f64) -> Surface {
         let reach = (3.0 * sigma).ceil() as i64;
         let raw: Vec<f64> = (-reach..=reach)
             .map(|k| libm::exp(-0.5 * (k as f64 / sigma) * (k as f64 / sigma)))
             .collect();
         let sum: f64 = raw.iter().sum();
         let weights: Vec<f32> = raw.iter().map(|v| (v / sum) as f32).collect();
-        let pass = |p: &Plane, dx: i64, dy: i64| {
+        let pass = |p: &Surface, dx: i64, dy: i64| {
             let mut texels = Vec::with_capacity(p.texels.len());
             for y in 0..p.height as i64 {
                 for x in 0..p.width as i64 {
@@ -129,7 +129,7 @@ impl Plane {
                     }));
                 }
             }
-            Plane { texels, ..*p }
+            Surface { texels, ..*p }
         };
         pass(&pass(&self, 1, 0), 0, 1)
     }
@@ -188,11 +188,11 @@ mod tests {
     fn every_level_shows_the_same_place() {
         // A linear ramp is reproduced by averaging, cubic interpolation and symmetric blur alike.
         for (density, defocus) in [(0.8, 0.0), (2.0, 0.0), (4.0, 0.0), (9.0, 0.0), (2.0, 1.5)] {
-            let plane = Plane::new(&gradient_image(), density, defocus, [0.0, 255.0]);
+            let surface = Surface::new(&gradient_image(), density, defocus, [0.0, 255.0]);
             let sheet = nalgebra::Vector3::new(0.7 / density, -1.3 / density, 1.0);
-            let t = plane.to_texels * sheet;
+            let t = surface.to_texels * sheet;
             let (x, y) = (31.5 + 0.7, 23.5 - 1.3);
-            let [r, g, b] = plane.sample(t.x, t.y);
+            let [r, g, b] = surface.sample(t.x, t.y);
             assert!(
                 (f64::from(r) - (2.0 * x + y)).abs() < 1e-3,
                 "density {density}: {r}"

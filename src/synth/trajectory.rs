@@ -2,7 +2,7 @@
 //!
 //! Depends on `geom` only.
 
-use super::motion::{Amplitudes, Curves, Pose, warp};
+use super::motion::{Amplitudes, Curves, Pose, shift, warp};
 use super::random::Random;
 use super::spec::{Mode, SynthError, SynthSpec};
 use mtf::geom::{Corners, Mat3};
@@ -11,7 +11,7 @@ use mtf::geom::{Corners, Mat3};
 const BORDER: f64 = 3.0;
 
 /// Where the object is at any time.
-pub(crate) struct Path {
+pub(crate) struct Trajectory {
     /// Sheet (px, origin at the object's centre) to the first frame.
     start: Mat3,
     centre: [f64; 2],
@@ -38,7 +38,7 @@ pub(crate) fn project(m: &Mat3, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
     })
 }
 
-impl Path {
+impl Trajectory {
     /// Builds the path of `spec`.
     ///
     /// # Errors
@@ -59,9 +59,8 @@ impl Path {
             spec.lean / w,
             0.6 * spec.lean / h,
         ];
-        let shift = Mat3::new(1.0, 0.0, centre[0], 0.0, 1.0, centre[1], 0.0, 0.0, 1.0);
-        let start = warp(&first, centre) * shift;
-        let mut path = Path {
+        let start = warp(&first, centre) * shift(centre[0], centre[1]);
+        let mut path = Trajectory {
             start,
             centre,
             object: spec.object,
@@ -158,7 +157,7 @@ impl Path {
         let mut curves = Box::new(Curves::new(random, n, 0.5 / n as f64));
         // Smaller and smaller motion until the object stays inside and even the slowest curves are slow enough.
         for _ in 0..160 {
-            let mut path = Path {
+            let mut path = Trajectory {
                 motion: Motion::Smooth {
                     curves: curves.clone(),
                     amplitudes,
@@ -231,7 +230,7 @@ impl Path {
                 curves,
                 amplitudes: *amplitudes,
             };
-            Path {
+            Trajectory {
                 motion,
                 start: self.start,
                 ..*self
@@ -318,10 +317,10 @@ mod tests {
     use super::super::motion::Model;
     use super::*;
 
-    fn path(change: impl Fn(&mut SynthSpec)) -> (SynthSpec, Path) {
+    fn path(change: impl Fn(&mut SynthSpec)) -> (SynthSpec, Trajectory) {
         let mut spec = SynthSpec::default();
         change(&mut spec);
-        let path = Path::new(&spec, &mut Random::new(spec.seed, 2)).unwrap();
+        let path = Trajectory::new(&spec, &mut Random::new(spec.seed, 2)).unwrap();
         (spec, path)
     }
 
@@ -384,7 +383,7 @@ mod tests {
         ] {
             let mut spec = SynthSpec::default();
             change(&mut spec);
-            assert!(Path::new(&spec, &mut Random::new(1, 2)).is_err());
+            assert!(Trajectory::new(&spec, &mut Random::new(1, 2)).is_err());
         }
     }
 }

@@ -1,0 +1,308 @@
+//! Formats of datasets: where the parts of a sequence lie, and what its ground truth says.
+//!
+//! A format is an implementation of [`Format`]. One of the project's own is a file in `format/` and a line in
+//! [`Formats::builtin`]; a program adds its own with [`Formats::add`]. What formats share is beside them: rows of
+//! numbers in [`rows`](super::rows), dense truth in `groundtruth_grid.csv`, tags in `tags.txt` and `meta.json` (these
+//! two are read whatever the format). Depends on `geom` and on where files come from.
+
+mod folder;
+mod homographies;
+mod mtf_text;
+mod otb;
+mod vot;
+
+use super::annotation::{Annotations, Location};
+use super::decode::is_image_name;
+use super::storage::{File, Folder, Listing};
+use super::{DatasetError, DatasetErrorKind};
+use std::borrow::Cow;
+use std::path::Path;
+use std::sync::Arc;
+
+/// What a format is, in words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Description {
+    /// Name in listings: a lower-case word.
+    pub name: &'static str,
+    /// Which data has this format, in a line.
+    pub summary: &'static str,
+    /// The files that it is recognised by, as a noun phrase that can follow "expected".
+    pub layout: &'static str,
+    /// Where the origin is, in which order corners come, what stands for a frame without annotation.
+    pub conventions: &'static str,
+}
+
+/// A format of datasets: knows which sequences lie in a folder, and makes their annotations of any number of files.
+pub trait Format: Send + Sync {
+    /// What it is.
+    fn describe(&self) -> Description;
+
+    /// The sequences in the folder `place`, none when it is not of this format. Looks at names only, as every folder
+    /// is offered to every format. Several sequences may share frames: objects in one video.
+    ///
+    /// # Errors
+    /// A folder that cannot be listed.
+    fn recognise(&self, place: &Place) -> Result<Vec<Found>, DatasetError>;
+
+    /// Reads the annotations of `sequence` from the content of its truth files, in the order in which
+    /// [`recognise`](Self::recognise) gave them. What is wrong with a frame goes to `annotations`.
+    ///
+    /// # Errors
+    /// The fault that made it impossible to go on. What was read until then is kept.
+    fn read(
+        &self,
+        sequence: &Found,
+        truth: &[TruthFile],
+        annotations: &mut Annotations,
+    ) -> Result<(), DatasetError>;
+}
+
+/// A sequence that a format has found: where its parts lie.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// Its name, unique in the folder around its own.
+    pub name: String,
+    /// Image files in the order of time; without any the sequence is faulty.
+    pub frames: Vec<File>,
+    /// The files that the ground truth is made of. Their bytes count towards the sequence's fingerprint, in this
+    /// order.
+    pub truth: Vec<File>,
+}
+
+/// A file of ground truth and its content.
+#[derive(Debug)]
+pub struct TruthFile {
+    file: File,
+    bytes: Cow<'static, [u8]>,
+}
+
+/// A folder that may hold sequences, and what is in it and around it.
+#[derive(Debug)]
+pub struct Place {
+    folder: Folder,
+    listing: Listing,
+}
+
+/// The formats a program knows. Cheap to clone.
+#[derive(Clone)]
+pub struct Formats(Vec<Arc<dyn Format>>);
+
+impl Formats {
+    /// The formats of this library, in the order in which they are tried.
+    pub fn builtin() -> Self {
+        Formats(vec![
+            Arc::new(vot::Vot),
+            Arc::new(folder::FrameFolder),
+            Arc::new(otb::Otb),
+            Arc::new(mtf_text::MtfText),
+            Arc::new(homographies::Homographies),
+        ])
+    }
+
+    /// With another one, which is tried before those that are there.
+    pub fn add(mut self, format: impl Format + 'static) -> Self {
+        self.0.insert(0, Arc::new(format));
+        self
+    }
+
+    /// All, in the order in which they are tried.
+    pub fn iter(&self) -> impl Iterator<Item = &dyn Format> {
+        self.0.iter().map(|format| &**format)
+    }
+
+    /// The first format that finds sequences in `place`, and what it finds.
+    pub(super) fn recognise(
+        &self,
+        place: &Place,
+    ) -> Result<Option<(Arc<dyn Format>, Vec<Found>)>, DatasetError> {
+        for format in &self.0 {
+            let found = format.recognise(place)?;
+            if !found.is_empty() {
+                return Ok(Some((format.clone(), found)));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The files that sequences are recognised by, for messages.
+    pub(super) fn layouts(&self) -> String {
+        let layouts: Vec<&str> = self.iter().map(|format| format.describe().layout).collect();
+        layouts.join("; or ")
+    }
+}
+
+impl Default for Formats {
+    fn default() -> Self {
+        Formats::builtin()
+    }
+}
+
+impl std::fmt::Debug for Formats {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let names = self.iter().map(|format| format.describe().name);
+        f.debug_list().entries(names).finish()
+    }
+}
+
+impl Place {
+    pub(super) fn new(folder: &Folder) -> Result<Self, DatasetError> {
+        Ok(Place {
+            listing: folder.list()?,
+            folder: folder.clone(),
+        })
+    }
+
+    /// Name of the folder.
+    pub fn name(&self) -> &str {
+        self.folder.name()
+    }
+
+    /// The folder itself.
+    pub fn folder(&self) -> &Folder {
+        &self.folder
+    }
+
+    /// Files in it, in natural order of names.
+    pub fn files(&self) -> &[File] {
+        &self.listing.files
+    }
+
+    /// Folders in it, in natural order of names.
+    pub fn folders(&self) -> &[Folder] {
+        &self.listing.folders
+    }
+
+    /// The file called `name` in it.
+    pub fn file(&self, name: &str) -> Option<&File> {
+        self.files().iter().find(|file| file.name() == name)
+    }
+
+    /// The first of the files called `names` that is in it.
+    pub fn first_file(&self, names: &[&str]) -> Option<&File> {
+        names.iter().find_map(|name| self.file(name))
+    }
+
+    /// The file called `name` beside the folder.
+    pub fn file_beside(&self, name: &str) -> Option<File> {
+        self.folder.parent()?.file(name)
+    }
+
+    /// The image files in it, in natural order of names.
+    pub fn images(&self) -> Vec<File> {
+        images(self.files())
+    }
+
+    /// The image files in it or, if there are none, in the first of its folders that has one of `names`; and the name
+    /// of that folder.
+    ///
+    /// # Errors
+    /// The inner folder cannot be listed.
+    pub fn images_here_or_in(&self, names: &[&str]) -> Result<(Vec<File>, Option<&str>), DatasetError> {
+        let here = self.images();
+        let inner = self.folders().iter().find(|f| names.contains(&f.name()));
+        match inner {
+            Some(folder) if here.is_empty() => Ok((images(&folder.list()?.files), Some(folder.name()))),
+            _ => Ok((here, None)),
+        }
+    }
+
+    /// Nothing is in it.
+    pub(super) fn is_empty(&self) -> bool {
+        self.files().is_empty() && self.folders().is_empty()
+    }
+
+    /// One sequence, called like the folder.
+    pub fn sequence(&self, frames: Vec<File>, truth: Vec<File>) -> Found {
+        Found {
+            name: self.name().into(),
+            frames,
+            truth,
+        }
+    }
+}
+
+fn images(files: &[File]) -> Vec<File> {
+    let images = files.iter().filter(|file| is_image_name(file.name()));
+    images.cloned().collect()
+}
+
+impl TruthFile {
+    pub(super) fn read(file: &File) -> Result<Self, DatasetError> {
+        Ok(TruthFile {
+            bytes: file.read()?,
+            file: file.clone(),
+        })
+    }
+
+    #[cfg(test)]
+    pub(super) fn of(name: &str, bytes: Vec<u8>) -> Self {
+        TruthFile {
+            file: File::of(name, vec![]),
+            bytes: Cow::Owned(bytes),
+        }
+    }
+
+    /// What messages call it.
+    pub fn path(&self) -> &Path {
+        self.file.path()
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        self.file.name()
+    }
+
+    /// Its content.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// Its content as text, without a byte order mark.
+    ///
+    /// # Errors
+    /// It is not UTF-8.
+    pub fn text(&self) -> Result<&str, DatasetError> {
+        let text = std::str::from_utf8(&self.bytes).map_err(|_| self.fault(DatasetErrorKind::NotText))?;
+        Ok(text.trim_start_matches('\u{feff}'))
+    }
+
+    /// The whole of it, as the place of what it says.
+    pub fn location(&self) -> Location {
+        Location::file(self.path())
+    }
+
+    /// Its line `line` (from 1), as the place of what it says.
+    pub fn at_line(&self, line: usize) -> Location {
+        Location::line(self.path(), line)
+    }
+
+    /// A fault of the whole of it.
+    pub fn fault(&self, kind: DatasetErrorKind) -> DatasetError {
+        self.location().fault(kind)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn descriptions_are_complete_and_names_unique() {
+        let all: Vec<Description> = Formats::builtin().iter().map(Format::describe).collect();
+        let names: std::collections::BTreeSet<_> = all.iter().map(|d| d.name).collect();
+        assert_eq!(names.len(), all.len());
+        for d in all {
+            assert!(
+                d.name
+                    .chars()
+                    .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-')
+            );
+            for text in [d.summary, d.layout, d.conventions] {
+                assert!(
+                    !text.is_empty() && !text.ends_with('.') && !text.contains('\n'),
+                    "{d:?}"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,41 @@
+//! MTF's and TMT's sequences: frames in `<root>/<seq>/`, ground truth in `<root>/<seq>.txt`, with or without a level of
+//! actors.
+
+use super::{Description, Format, Found, Place, TruthFile};
+use crate::dataset::DatasetError;
+use crate::dataset::annotation::Annotations;
+use crate::dataset::rows::{self, ANY};
+
+/// See the module.
+pub(super) struct MtfText;
+
+impl Format for MtfText {
+    fn describe(&self) -> Description {
+        Description {
+            name: "mtf",
+            summary: "sequences in the form of MTF: TMT, UCSB, LinTrack, PAMI",
+            layout: "frames in a folder `SEQ` and `SEQ.txt` beside it",
+            conventions: "corners as UL UR LR LL, pixel centres at integers, after the name of the frame; a word in \
+                          place of the numbers (`tracker_failed`) leaves the frame without annotation",
+        }
+    }
+
+    fn recognise(&self, place: &Place) -> Result<Vec<Found>, DatasetError> {
+        let frames = place.images();
+        if frames.is_empty() {
+            return Ok(vec![]);
+        }
+        let truth = place.file_beside(&format!("{}.txt", place.name()));
+        let found = truth.map(|truth| place.sequence(frames, vec![truth]));
+        Ok(found.into_iter().collect())
+    }
+
+    fn read(
+        &self,
+        sequence: &Found,
+        truth: &[TruthFile],
+        annotations: &mut Annotations,
+    ) -> Result<(), DatasetError> {
+        rows::read(&truth[0], ANY, &sequence.frames, annotations)
+    }
+}
