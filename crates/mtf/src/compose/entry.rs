@@ -28,7 +28,7 @@ pub struct Member<'a> {
     /// method.
     pub kind: &'a str,
     /// Its parameters.
-    pub infos: &'a [ParamInfo],
+    pub infos: Vec<&'a ParamInfo>,
     /// Those that differ from their defaults.
     pub assignments: Vec<Assignment<'a>>,
     /// Builds it.

@@ -17,7 +17,12 @@ pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<FeatureSettings>(
         let warp = parts.warp("ssm", &warp.ssm)?;
         Ok(Arc::new(move || {
             let (features, matching, estimator) = (features.clone(), matching.clone(), estimator.clone());
-            Ok(Box::new(FeatureTracker::new(features, matching, estimator, warp.build()?)))
+            Ok(Box::new(FeatureTracker::new(
+                features,
+                matching,
+                estimator,
+                warp.build()?,
+            )))
         }))
     },
     CompositeFamily { members: (0, 0) },

@@ -74,7 +74,13 @@ pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<GridSettings>(
         let (warp, patch) = (parts.warp("ssm", &warp.ssm)?, Arc::clone(&member.make));
         Ok(Arc::new(move || {
             let (nodes, patches, estimator) = (nodes.clone(), patches.clone(), estimator.clone());
-            Ok(Box::new(Grid::new(nodes, patches, estimator, warp.build()?, || patch())?))
+            Ok(Box::new(Grid::new(
+                nodes,
+                patches,
+                estimator,
+                warp.build()?,
+                || patch(),
+            )?))
         }))
     },
     CompositeFamily { members: (1, 1) },

@@ -48,7 +48,9 @@ pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<ParallelParams>(
     |a, parts| {
         let (params, members) = (ParallelParams::from_assignments(a)?, parts.makes());
         let by_states = params.estimate == Combination::MeanStates;
-        let warp = by_states.then(|| parts.warp("state_ssm", &params.state_ssm)).transpose()?;
+        let warp = by_states
+            .then(|| parts.warp("state_ssm", &params.state_ssm))
+            .transpose()?;
         Ok(Arc::new(move || {
             let ssm = warp.as_ref().map(|warp| warp.build()).transpose()?;
             Ok(Box::new(Parallel::new(params.clone(), build_all(&members)?, ssm)))
