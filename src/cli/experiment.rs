@@ -12,7 +12,9 @@ use crate::plan::{
 use clap::ValueEnum;
 use globset::{GlobBuilder, GlobSet, GlobSetBuilder};
 use mtf::image::parse_preprocessor;
-use mtf::registry::{Refusal, Registry, Selection, SpecError, TrackerSpec};
+use mtf::registry::{
+    DEFAULT_AM, DEFAULT_SM, DEFAULT_SSM, Refusal, Registry, Selection, SpecError, TrackerSpec,
+};
 use mtf::ssm;
 use serde_json::Map;
 use std::collections::{BTreeMap, BTreeSet};
@@ -191,9 +193,9 @@ fn specs(
     let lists = [&args.sm, &args.am, &args.ssm, &args.ilm];
     if args.expressions.is_empty() || lists.iter().any(|l| !l.is_empty()) {
         for (list, default) in [
-            (&mut selection.sm, "esm"),
-            (&mut selection.am, "ssd"),
-            (&mut selection.ssm, "homography"),
+            (&mut selection.sm, DEFAULT_SM),
+            (&mut selection.am, DEFAULT_AM),
+            (&mut selection.ssm, DEFAULT_SSM),
         ] {
             if list.is_empty() {
                 list.push(default.into());

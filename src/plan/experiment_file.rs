@@ -16,7 +16,7 @@
 //! "nn.n_samples" = 1000
 //! ```
 
-use mtf::registry::{SpecError, suggest};
+use mtf::registry::{SpecError, hint, suggest};
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -157,7 +157,7 @@ impl ExperimentFile {
                 }
             } else {
                 let known = LISTS.iter().chain(&SINGLE).copied().chain(["params"]);
-                let hint = suggest(key, known).map_or(String::new(), |s| format!("; did you mean '{s}'?"));
+                let hint = hint(suggest(key, known).as_deref());
                 return Err(fault(at, format!("unknown key '{key}'{hint}")));
             }
         }

@@ -33,7 +33,7 @@ impl TrackerEntry {
     ///
     /// # Errors
     /// The registry does not know the tracker.
-    pub fn from_registry(registry: &Arc<Registry>, spec: &TrackerSpec) -> Result<TrackerEntry, SpecError> {
+    pub fn from_registry(registry: &Registry, spec: &TrackerSpec) -> Result<TrackerEntry, SpecError> {
         let (sm, am, ssm, ilm) = spec.parts();
         let name = TrackerName {
             id: spec.to_string(),
@@ -43,13 +43,12 @@ impl TrackerEntry {
             ilm: ilm.to_owned(),
         };
         let parameters = registry.describe(spec)?;
-        let (registry, slug, spec) = (Arc::clone(registry), spec.slug(), spec.clone());
-        let make = Arc::new(move || registry.build(&spec).map_err(|e| e.to_string()));
+        let make = registry.prepare(spec)?;
         Ok(TrackerEntry {
             name,
-            slug,
+            slug: spec.slug(),
             parameters,
-            make,
+            make: Arc::new(move || make().map_err(|e| e.to_string())),
         })
     }
 }
