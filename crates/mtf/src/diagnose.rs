@@ -20,6 +20,7 @@ use serde::Serialize;
 
 mod light;
 pub use light::illumination;
+pub(crate) use light::random_state as random_light;
 use light::{random_state, units};
 
 /// Tolerance of gradients: patches are single precision.

@@ -4,6 +4,7 @@
 pub mod am;
 pub mod best;
 pub mod compose;
+pub mod conformance;
 pub mod diagnose;
 pub mod entry;
 pub mod estimate;
