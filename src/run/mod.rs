@@ -1,7 +1,6 @@
 //! Runs: from a request to result files. Depends on everything but `cli`.
 
 pub mod cost;
-mod error;
 mod finish;
 pub mod merge;
 mod pass;
@@ -9,7 +8,6 @@ pub mod profile;
 pub mod runner;
 mod schedule;
 
-pub use error::RunError;
 pub use runner::{Observer, RunReport, Silent, run};
 
 #[cfg(test)]

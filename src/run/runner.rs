@@ -1,13 +1,14 @@
 //! A run from request to result files: lock, plan, resume, track, aggregate.
 
 use crate::metric::aggregate::Results;
-use crate::plan::{RunRequest, Sharding, Unit, UnitKeys};
-use crate::run::error::RunError;
-use crate::run::finish::{self, ResultSource};
+use crate::plan::plan::{Keys, Unit};
+use crate::plan::request::RunRequest;
+use crate::plan::shard::Sharding;
+use crate::run::finish::{self, Run};
 use crate::run::profile::{Profile, Spent};
-use crate::run::schedule::{Context, groups, groups_at_once, run_units};
+use crate::run::schedule::{Context, groups, lanes, run_units};
 use crate::store::journal::{Entry, EntryStatus, Journal, JournalWriter};
-use crate::store::rundir::RunDir;
+use crate::store::rundir::{RunDir, RunError};
 use crate::store::truth;
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -77,7 +78,7 @@ pub struct RunReport {
 pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> Result<RunReport, RunError> {
     let prepared = request.prepare()?;
     let plan = &prepared.plan;
-    let keys = UnitKeys::new(plan);
+    let keys = Keys::new(plan);
     let mut units: Vec<Unit> = match request.shard {
         None => plan.units().collect(),
         Some(shard) => {
@@ -149,18 +150,14 @@ pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> 
             stopped: OnceLock::new(),
             broken: AtomicBool::new(false),
             error: Mutex::new(None),
-            at_once: groups_at_once(threads, largest, groups.len()),
+            lanes: lanes(threads, largest, groups.len()),
             pool: &pool,
             spent: Spent::default(),
         };
         let begin = Instant::now();
         std::thread::scope(|scope| {
             let context = &context;
-            scope.spawn(move || {
-                writer
-                    .serve(finished)
-                    .unwrap_or_else(|error| context.fail(error.into()))
-            });
+            scope.spawn(move || writer.serve(finished).unwrap_or_else(|error| context.fail(error)));
             run_units(context, journal, groups);
         });
         observer.end();
@@ -181,14 +178,14 @@ pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> 
             total: units.len(),
         });
     }
-    let source = ResultSource {
+    let run = Run {
         dir: &dir,
         plan,
         keys: &keys,
         truth: &truth,
         journal: &journal,
     };
-    let (results, failed) = source.finish(&units, &pool)?;
+    let (results, failed) = run.finish(&units, &pool)?;
     Ok(RunReport {
         path: dir.path().to_path_buf(),
         results,
@@ -205,5 +202,5 @@ pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, RunError> {
         .num_threads(threads)
         .thread_name(|i| format!("worker {i}"))
         .build()
-        .map_err(RunError::from)
+        .map_err(|e| RunError::Threads(e.to_string()))
 }

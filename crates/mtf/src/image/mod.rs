@@ -4,13 +4,13 @@
 
 mod frame;
 mod pixels;
-mod planar;
+mod plane;
 mod preprocess;
 mod pyramid;
 
 pub use frame::Frame;
 pub use pixels::Pixels;
-pub use planar::Image;
+pub use plane::Image;
 pub use preprocess::{
     Gaussian, Identity, PREPROCESSORS, PreProcessor, PreProcessorEntry, PreProcessorError, parse_preprocessor,
 };

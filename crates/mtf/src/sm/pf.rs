@@ -599,7 +599,11 @@ pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
         let (sampling, params) = AllParams::from_assignments(a)?;
         Ok(Box::new(Pf::with_params(sampling, params, am, ssm)))
     },
-    SmFamily::UNDEMANDING,
+    SmFamily {
+        refuses: |_, _| None,
+        refuses_ssm: |_| None,
+        build_lit: None,
+    },
 )
 .also(&["particle_filter"])
 .in_groups(&["stochastic"]);

@@ -1,39 +1,12 @@
 //! A grid of points followed by pyramidal Lucas-Kanade flow from frame to frame, and one warp fitted to them.
 
-use super::entry::{CompositeEntry, CompositeFamily, Make, Parts, Refused};
-use super::nodes::{NodeParams, Nodes, PointSettings};
+use super::nodes::{NodeParams, Nodes};
 use crate::estimate::EstimatorParams;
 use crate::flow::{Klt, KltParams, PointStatus, Tracked};
 use crate::geom::{Corners, homography};
 use crate::image::Frame;
-use crate::params::Params;
 use crate::ssm::StateSpaceModel;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
-use std::sync::Arc;
-
-pub(super) type FlowSettings = (KltParams, PointSettings);
-
-/// The table row.
-pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<FlowSettings>(
-    "flow",
-    "a grid of points followed by pyramidal Lucas-Kanade flow, and one warp fitted to them",
-    |a, parts| {
-        let (klt, points) = FlowSettings::from_assignments(a)?;
-        make(klt, points, parts)
-    },
-    CompositeFamily { members: (0, 0) },
-)
-.also(&["klt"]);
-
-/// What builds a grid of points with these parameters.
-pub(super) fn make(klt: KltParams, points: PointSettings, parts: &Parts<'_>) -> Result<Make, Refused> {
-    let (nodes, (estimator, warp)) = points;
-    let warp = parts.warp("ssm", &warp.ssm)?;
-    Ok(Arc::new(move || {
-        let (nodes, klt, estimator) = (nodes.clone(), klt.clone(), estimator.clone());
-        Ok(Box::new(FlowGrid::new(nodes, klt, estimator, warp.build()?)))
-    }))
-}
 
 /// Highest level when the motion is small or nearly known.
 const NEAR: usize = 2;
@@ -43,7 +16,7 @@ const NEAR: usize = 2;
 ///
 /// Nodes are placed anew in each frame where the warp says, so errors add up slowly; in a cascade, a tracker with a
 /// template removes them.
-pub struct FlowGrid<S> {
+pub struct KltGrid<S> {
     nodes: Nodes<S>,
     klt: Klt,
     previous: Option<Frame>,
@@ -54,10 +27,10 @@ pub struct FlowGrid<S> {
     origins: Vec<[f64; 2]>,
 }
 
-impl<S: StateSpaceModel> FlowGrid<S> {
+impl<S: StateSpaceModel> KltGrid<S> {
     /// With all parameters.
     pub fn new(nodes: NodeParams, klt: KltParams, estimator: EstimatorParams, ssm: S) -> Self {
-        FlowGrid {
+        KltGrid {
             nodes: Nodes::new(nodes, estimator, ssm),
             klt: Klt::new(klt),
             previous: None,
@@ -136,7 +109,7 @@ impl<S: StateSpaceModel> FlowGrid<S> {
     }
 }
 
-impl<S: StateSpaceModel> Tracker for FlowGrid<S> {
+impl<S: StateSpaceModel> Tracker for KltGrid<S> {
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         self.nodes.init(corners)?;
         self.previous = None;
