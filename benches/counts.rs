@@ -3,10 +3,11 @@
 //!
 //! `scripts/perf_gate.sh [--update]`
 
+use mtf::Jacobian;
+use mtf::bench_kernels::{self as kernels, Border, PlaneView, hist};
 use mtf::diagnose::Waves;
 use mtf::geom::solve::SymMatrix;
 use mtf::image::parse_preprocessor;
-use mtf::kernels::{self, Border, Grid2, Jacobian, hist};
 use mtf::params::Resolution;
 use mtf::ssm::{Gradient, JacobianKind, Points};
 use mtf_eval::prelude::*;
@@ -86,8 +87,8 @@ impl Bench {
     fn warp(&mut self) {
         self.ssm.warp_into(&mut self.x, &mut self.y);
     }
-    fn plane(image: &Image) -> Grid2<'_> {
-        Grid2::new(image.plane(0), SIZE.0, SIZE.1, image.stride())
+    fn plane(image: &Image) -> PlaneView<'_> {
+        PlaneView::new(image.plane(0), SIZE.0, SIZE.1, image.stride())
     }
     fn sample(&mut self) {
         let plane = Self::plane(&self.image);
@@ -240,7 +241,7 @@ fn count(name: &str) -> Result<u64, Box<dyn Error>> {
 fn made_by() -> Result<Value, Box<dyn Error>> {
     let rustc = Command::new("rustc").arg("--version").output()?;
     let rustc = String::from_utf8(rustc.stdout)?;
-    Ok(json!({"rustc": rustc.trim(), "simd": kernels::simd_level().name()}))
+    Ok(json!({"rustc": rustc.trim(), "simd": mtf::simd_level().name()}))
 }
 
 /// Compares with the counts in `path`; true when none has grown.

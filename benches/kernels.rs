@@ -5,21 +5,22 @@
 mod common;
 
 use common::{fastest, row};
+use mtf::Jacobian;
+use mtf::bench_kernels::{self as kernels, Border, PlaneView, sample_reference, steepest_reference};
 use mtf::diagnose::Waves;
 use mtf::geom::solve::SymMatrix;
 use mtf::geom::{Corners, Mat3, homography};
 use mtf::image::{Image, parse_preprocessor};
-use mtf::kernels::{self, Border, Grid2, Jacobian, sample_reference, steepest_reference};
 use mtf::params::Resolution;
 use mtf::ssm::{Gradient, Homography, JacobianKind, Points, StateSpaceModel};
 
 const RES: Resolution = Resolution { cols: 50, rows: 50 };
 
 fn main() {
-    println!("instruction set: {}", kernels::simd_level().name());
+    println!("instruction set: {}", mtf::simd_level().name());
     let waves = Waves::new(1);
     let image = Image::from_fn(640, 480, |x, y| waves.at([x as f64, y as f64]) as f32);
-    let plane = Grid2::new(image.plane(0), 640, 480, image.stride());
+    let plane = PlaneView::new(image.plane(0), 640, 480, image.stride());
     let mut ssm = Homography::new();
     ssm.init(
         &Corners([[200.3, 150.1], [301.7, 158.2], [295.4, 252.9], [195.0, 246.3]]),

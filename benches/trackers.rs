@@ -84,7 +84,7 @@ fn time_by_name(registry: &Registry, id: &str, frames: &[Frame], start: &Corners
 }
 
 fn main() {
-    println!("instruction set: {}", mtf::kernels::simd_level().name());
+    println!("instruction set: {}", mtf::simd_level().name());
     let frames = frames();
     let start = Corners([[210.3, 150.1], [430.7, 158.2], [425.4, 332.9], [205.0, 326.3]]);
     let registry = Registry::builtin();

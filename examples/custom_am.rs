@@ -9,10 +9,10 @@
 //! `cargo run --release --example custom_am -- diagnose --am gmc --ssm homography`
 //! `cargo run --release --example custom_am -- list am`
 
+use mtf::Jacobian;
 use mtf::am::{AppearanceModel, Capabilities, Metric, PatchShape, Side};
 use mtf::entry::Part;
 use mtf::geom::solve::SymMatrix;
-use mtf::kernels::Jacobian;
 use mtf::prelude::*;
 use std::process::ExitCode;
 

@@ -93,6 +93,7 @@ fn reference(file: &str, gap: usize) -> Scores {
             out.insert((id, row["seq"].clone()), score);
         }
     }
+    assert!(!out.is_empty());
     out
 }
 
@@ -188,7 +189,7 @@ fn compare_with(file: &str, gap: usize, selection: &Selection, each: bool) {
     .unwrap()
     .sequences;
     let scores: Vec<(&Sequence, Vec<Score>)> = sequences.par_iter().map(|s| (s, track(s, &ids))).collect();
-    let mut faults = Vec::new();
+    let (mut faults, mut compared) = (Vec::new(), 0);
     for (k, id) in ids.iter().enumerate() {
         let mut pooled = [Score::default(); 2];
         let mut every = Score::default();
@@ -229,6 +230,7 @@ fn compare_with(file: &str, gap: usize, selection: &Selection, each: bool) {
         if pooled[0].frames == 0.0 {
             continue;
         }
+        compared += 1;
         let [ours, theirs] = pooled.map(|p| (p.sr2 / p.frames, p.sr5 / p.frames));
         // The reference has four decimals.
         if ours.0 < theirs.0 - 0.003 - 1e-4 || ours.1 < theirs.1 - 1e-4 {
@@ -237,6 +239,7 @@ fn compare_with(file: &str, gap: usize, selection: &Selection, each: bool) {
             ));
         }
     }
+    assert!(compared > 0);
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 

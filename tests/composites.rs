@@ -1,6 +1,6 @@
 //! Grids of points and of trackers, straight lines and key points, on scenes made of the textures the crate draws.
 
-use mtf::compose::{Grid, GridReset, KltGrid, LineParams, LineTracker, NodeParams, PatchParams};
+use mtf::compose::{FlowGrid, Grid, GridReset, LineParams, LineTracker, NodeParams, PatchParams};
 use mtf::estimate::{EstimateMethod, EstimatorParams};
 use mtf::features::{FeatureParams, FeatureTracker, MatchParams};
 use mtf::flow::KltParams;
@@ -139,8 +139,8 @@ fn lmeds() -> EstimatorParams {
     }
 }
 
-fn klt_grid(nodes: NodeParams) -> KltGrid<Homography> {
-    KltGrid::new(nodes, KltParams::default(), lmeds(), Homography::default())
+fn klt_grid(nodes: NodeParams) -> FlowGrid<Homography> {
+    FlowGrid::new(nodes, KltParams::default(), lmeds(), Homography::default())
 }
 
 fn nodes(n: usize) -> NodeParams {
@@ -329,7 +329,7 @@ fn little_effort_is_for_little_motion() {
             klt_enough,
             ..KltParams::default()
         };
-        let mut tracker = KltGrid::new(nodes(8), klt, lmeds(), Homography::default());
+        let mut tracker = FlowGrid::new(nodes(8), klt, lmeds(), Homography::default());
         tracker.init(&scene.plain(&start), &corners(&start)).unwrap();
         let update = tracker.update(&scene.plain(&moved)).unwrap();
         (distance(&update.corners, &corners(&moved)), update.corners)
@@ -435,8 +435,8 @@ fn low_warps_fit_what_they_can() {
     let scene = Scene::new(true);
     let (start, moved) = (pose(0.0, 1.0, [220.0, 170.0]), pose(0.05, 1.02, [225.0, 168.0]));
     let (first, second) = (scene.plain(&start), scene.plain(&moved));
-    let mut shift = KltGrid::new(nodes(10), KltParams::default(), lmeds(), Translation::default());
-    let mut similar = KltGrid::new(nodes(10), KltParams::default(), lmeds(), Similitude::default());
+    let mut shift = FlowGrid::new(nodes(10), KltParams::default(), lmeds(), Translation::default());
+    let mut similar = FlowGrid::new(nodes(10), KltParams::default(), lmeds(), Similitude::default());
     shift.init(&first, &corners(&start)).unwrap();
     similar.init(&first, &corners(&start)).unwrap();
     let [dx, dy] = shift.update(&second).unwrap().corners.0[0];

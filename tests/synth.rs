@@ -177,6 +177,7 @@ fn the_dataset_is_small_complete_and_tagged() {
 }
 
 fn ground_truth_agrees_with_an_independent_computation() {
+    let mut dense = 0;
     for (name, spec) in specs() {
         let sequence = render_sequence(&spec).unwrap();
         let rows = truth(&name);
@@ -230,6 +231,7 @@ fn ground_truth_agrees_with_an_independent_computation() {
                     .into_iter()
                     .all(|(k, c)| far(k, c) < 1e-6)
             );
+            dense += 1;
         }
         // Off the pixel grid from the start.
         let off = |v: &&f64| (**v - v.round()).abs() > 0.01;
@@ -239,6 +241,7 @@ fn ground_truth_agrees_with_an_independent_computation() {
             rows[0]
         );
     }
+    assert!(dense >= 60, "{dense}");
 }
 
 fn rotated(x: f64, y: f64, angle: f64) -> (f64, f64) {

@@ -3,8 +3,7 @@
 use super::values::{
     assignment, at_least_one, at_least_two, channels, duration, non_negative, positive, resolution, size,
 };
-use crate::plan::protocol::Protocols;
-use crate::plan::shard::Shard;
+use crate::plan::{Protocols, Shard};
 use crate::report::Format;
 use clap::{Args, ValueEnum};
 use mtf::params::Resolution;

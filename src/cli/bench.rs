@@ -7,9 +7,9 @@ use super::experiment::{USUAL_FILTER, expand, sequences};
 use super::program::Program;
 use super::signals::stop_on_signals;
 use super::values::{at_least_one, positive};
-use crate::measure::bench::{self, BenchRequest, BenchRow, Measurement, SCHEMA_VERSION};
+use crate::measure::bench::{self, BenchRequest, BenchRow, MEASUREMENT_FORMAT_VERSION, Measurement};
 use crate::measure::machine::Machine;
-use crate::plan::request::sequence_id;
+use crate::plan::sequence_id;
 use crate::report::{Format, bars_svg, render};
 use crate::store::{Durable, write_atomic};
 use mtf::image::parse_preprocessor;
@@ -113,7 +113,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
             )
         })?;
     let measured = Measurement {
-        schema_version: SCHEMA_VERSION,
+        schema_version: MEASUREMENT_FORMAT_VERSION,
         machine,
         command: program.arguments.clone(),
         sequences: request.sequences.iter().map(sequence_id).collect(),
@@ -164,12 +164,12 @@ fn read(path: &Path) -> Result<Measurement, Failure> {
     let wrong = |e: &dyn std::fmt::Display| Failure::usage(format!("{}: {e}", path.display()));
     let text = std::fs::read(path).map_err(|e| wrong(&e))?;
     let read: Measurement = serde_json::from_slice(&text).map_err(|e| wrong(&e))?;
-    if read.schema_version == SCHEMA_VERSION {
+    if read.schema_version == MEASUREMENT_FORMAT_VERSION {
         Ok(read)
     } else {
         let version = read.schema_version;
         Err(wrong(&format!(
-            "version {version}, this program reads version {SCHEMA_VERSION}"
+            "version {version}, this program reads version {MEASUREMENT_FORMAT_VERSION}"
         )))
     }
 }

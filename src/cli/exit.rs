@@ -3,7 +3,9 @@
 use crate::judge::compare::CompareError;
 use crate::judge::gate::Verdict;
 use crate::measure::basin::BasinError;
-use crate::store::rundir::RunError;
+use crate::plan::PlanError;
+use crate::run::RunError;
+use crate::store::StoreError;
 use std::fmt::Display;
 use std::io;
 use std::process::ExitCode;
@@ -80,15 +82,48 @@ impl std::error::Error for Failure {}
 /// Exit code of a command that did what it could.
 pub type Outcome = Result<ExitCode, Failure>;
 
+fn of_plan(error: &PlanError) -> u8 {
+    match error {
+        PlanError::Nothing(_) => NOTHING,
+        PlanError::Ambiguous(_) | PlanError::Sequence { .. } => USAGE,
+    }
+}
+
+fn of_store(error: &StoreError) -> u8 {
+    match error {
+        StoreError::Locked { .. } | StoreError::DiskFull(_) => STOPPED,
+        StoreError::Mismatch { .. } => NOT_COMPARABLE,
+        StoreError::NotARunDirectory(_)
+        | StoreError::NoRun { .. }
+        | StoreError::Io { .. }
+        | StoreError::Damaged { .. } => USAGE,
+    }
+}
+
+fn of_run(error: &RunError) -> u8 {
+    match error {
+        RunError::Plan(error) => of_plan(error),
+        RunError::Store(error) => of_store(error),
+        RunError::Interrupted { .. } => STOPPED,
+        RunError::Threads(_) | RunError::Output(_) => USAGE,
+    }
+}
+
+impl From<PlanError> for Failure {
+    fn from(error: PlanError) -> Failure {
+        Failure::new(of_plan(&error), error)
+    }
+}
+
+impl From<StoreError> for Failure {
+    fn from(error: StoreError) -> Failure {
+        Failure::new(of_store(&error), error)
+    }
+}
+
 impl From<RunError> for Failure {
     fn from(error: RunError) -> Failure {
-        let code = match &error {
-            RunError::Locked { .. } | RunError::Interrupted { .. } | RunError::DiskFull(_) => STOPPED,
-            RunError::Nothing(_) => NOTHING,
-            RunError::Mismatch { .. } => NOT_COMPARABLE,
-            _ => USAGE,
-        };
-        Failure::new(code, error)
+        Failure::new(of_run(&error), error)
     }
 }
 

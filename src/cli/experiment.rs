@@ -1,4 +1,4 @@
-//! What an experiment consists of: a grid file, overridden by flags, looked up in the registry and on disk.
+//! What an experiment consists of: an experiment file, overridden by flags, looked up in the registry and on disk.
 
 use super::args::{ExperimentArgs, FrameLogsArg, OnBadData, SelectionArgs, TrackerArgs};
 use super::console::Console;
@@ -6,16 +6,15 @@ use super::exit::{self, Failure};
 use super::program::Program;
 use super::values::{at_least_one, at_least_two, positive};
 use crate::dataset::{self, Label, LoadOptions, Sequence};
-use crate::plan::experiment_file::{Grid, GridError};
-use crate::plan::plan::FrameLogs;
-use crate::plan::protocol::Protocols;
-use crate::plan::request::RunRequest;
-use crate::plan::request::TrackerEntry;
-use crate::plan::request::sequence_id;
+use crate::plan::{
+    ExperimentFile, ExperimentFileError, FrameLogs, Protocols, RunRequest, TrackerEntry, sequence_id,
+};
 use clap::ValueEnum;
 use globset::{GlobBuilder, GlobSet, GlobSetBuilder};
 use mtf::image::parse_preprocessor;
-use mtf::registry::{Refusal, Registry, Selection, SpecError, TrackerSpec};
+use mtf::registry::{
+    DEFAULT_AM, DEFAULT_SM, DEFAULT_SSM, Refusal, Registry, Selection, SpecError, TrackerSpec,
+};
 use mtf::ssm;
 use serde_json::Map;
 use std::collections::{BTreeMap, BTreeSet};
@@ -29,27 +28,27 @@ pub const USUAL_FILTER: &str = "gaussian:5:3";
 /// The request of an experiment, but for how and where it is run. `command` is what to record of how it was asked for.
 ///
 /// # Errors
-/// Wrong arguments or grid file, unusable data, nothing selected.
+/// Wrong arguments or experiment file, unusable data, nothing selected.
 pub fn experiment(
     args: &ExperimentArgs,
     mut command: Vec<String>,
     program: &Program,
 ) -> Result<RunRequest, Failure> {
     let (registry, console) = (&program.catalogue.registry, &program.console);
-    let grid = args
+    let file = args
         .grid
         .as_deref()
-        .map(Grid::read)
+        .map(ExperimentFile::read)
         .transpose()
         .map_err(Failure::usage)?
         .unwrap_or_default();
     let mut args = args.clone();
-    complete(&mut args, &grid).map_err(Failure::usage)?;
+    complete(&mut args, &file).map_err(Failure::usage)?;
     let pre =
         parse_preprocessor(args.trackers.pre.as_deref().unwrap_or(USUAL_FILTER)).map_err(Failure::usage)?;
-    let settings = grid.settings(|name| overridden(&args.trackers, name));
-    let (specs, refused) = specs(&args.trackers, &settings, registry).map_err(|e| match grid.blame(&e) {
-        Some(line) => Failure::usage(grid.at(line, e)),
+    let settings = file.settings(|name| overridden(&args.trackers, name));
+    let (specs, refused) = specs(&args.trackers, &settings, registry).map_err(|e| match file.blame(&e) {
+        Some(line) => Failure::usage(file.at(line, e)),
         None => Failure::usage(e),
     })?;
     tell(&refused, console);
@@ -91,14 +90,14 @@ pub fn experiment(
 }
 
 /// Takes from the file what no flag says.
-fn complete(args: &mut ExperimentArgs, grid: &Grid) -> Result<(), GridError> {
+fn complete(args: &mut ExperimentArgs, file: &ExperimentFile) -> Result<(), ExperimentFileError> {
     let list = |to: &mut Vec<String>, key: &str| {
         if to.is_empty() {
-            to.extend(grid.list(key).iter().map(|l| l.text.clone()));
+            to.extend(file.list(key).iter().map(|l| l.text.clone()));
         }
     };
     if args.data.is_empty() {
-        args.data = grid.data();
+        args.data = file.data();
     }
     let (trackers, selection) = (&mut args.trackers, &mut args.selection);
     list(&mut trackers.sm, "sm");
@@ -112,12 +111,12 @@ fn complete(args: &mut ExperimentArgs, grid: &Grid) -> Result<(), GridError> {
     list(&mut selection.tag, "tag");
     fn or<T>(
         to: &mut Option<T>,
-        grid: &Grid,
+        file: &ExperimentFile,
         key: &str,
         parse: impl Fn(&str) -> Result<T, String>,
-    ) -> Result<(), GridError> {
+    ) -> Result<(), ExperimentFileError> {
         // Looked at even when a flag has the word: a file is right or wrong whatever the flags.
-        let value = grid.value(key, parse)?;
+        let value = file.value(key, parse)?;
         *to = to.take().or(value);
         Ok(())
     }
@@ -127,28 +126,28 @@ fn complete(args: &mut ExperimentArgs, grid: &Grid) -> Result<(), GridError> {
             .map(|_| s.to_owned())
             .map_err(|e| e.to_string())
     };
-    or(&mut trackers.pre, grid, "pre", pre)?;
-    or(&mut selection.max_frames, grid, "max_frames", at_least_two)?;
-    or(&mut selection.frame_gap, grid, "frame_gap", at_least_one)?;
-    or(&mut selection.gt_ssm, grid, "gt_ssm", text)?;
-    let protocols = grid.list("protocol").iter().map(|l| {
+    or(&mut trackers.pre, file, "pre", pre)?;
+    or(&mut selection.max_frames, file, "max_frames", at_least_two)?;
+    or(&mut selection.frame_gap, file, "frame_gap", at_least_one)?;
+    or(&mut selection.gt_ssm, file, "gt_ssm", text)?;
+    let protocols = file.list("protocol").iter().map(|l| {
         let parsed = l.text.parse::<Protocols>();
-        parsed.map_err(|e| grid.at(l.line, format!("protocol: {e}")))
+        parsed.map_err(|e| file.at(l.line, format!("protocol: {e}")))
     });
     let protocols: Vec<Protocols> = protocols.collect::<Result<_, _>>()?;
     if args.protocol.is_none() && !protocols.is_empty() {
         args.protocol = Some(Protocols::new(protocols.iter().flat_map(|p| p.iter().copied())));
     }
-    or(&mut selection.on_bad_data, grid, "on_bad_data", |s| {
+    or(&mut selection.on_bad_data, file, "on_bad_data", |s| {
         OnBadData::from_str(s, true)
     })?;
-    or(&mut args.frame_logs.frame_logs, grid, "frame_logs", |s| {
+    or(&mut args.frame_logs.frame_logs, file, "frame_logs", |s| {
         FrameLogsArg::from_str(s, true)
     })?;
-    or(&mut args.seed, grid, "seed", |s| {
+    or(&mut args.seed, file, "seed", |s| {
         s.parse().map_err(|_| "expected a whole number, 0 or more".into())
     })?;
-    or(&mut args.timeout, grid, "timeout", positive)
+    or(&mut args.timeout, file, "timeout", positive)
 }
 
 /// Whether a flag says what the parameter `name` shall be.
@@ -194,9 +193,9 @@ fn specs(
     let lists = [&args.sm, &args.am, &args.ssm, &args.ilm];
     if args.expressions.is_empty() || lists.iter().any(|l| !l.is_empty()) {
         for (list, default) in [
-            (&mut selection.sm, "esm"),
-            (&mut selection.am, "ssd"),
-            (&mut selection.ssm, "homography"),
+            (&mut selection.sm, DEFAULT_SM),
+            (&mut selection.am, DEFAULT_AM),
+            (&mut selection.ssm, DEFAULT_SSM),
         ] {
             if list.is_empty() {
                 list.push(default.into());

@@ -10,7 +10,6 @@ use crate::metric::score::FIGURES;
 use crate::report::{Format, render};
 use clap::{Args, ValueEnum};
 use mtf::ilm::IlmEntry;
-use mtf::params::ParamInfo;
 use mtf::registry::{Expansion, Selection};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
@@ -107,12 +106,12 @@ fn listing(what: ListWhat, catalogue: &Catalogue, data: &[PathBuf]) -> Result<Li
                 .iter()
                 .map(|e| row(&[e.name, &e.aliases.join(" "), &e.groups.join(" "), e.summary]));
             let composite = registry.composites().iter().map(|e| {
-                let members = match e.members {
+                let members = match e.family.members {
                     (0, 0) => String::new(),
                     (l, m) if l == m => format!("; {l} members"),
                     (l, m) => format!("; {l} to {m} members"),
                 };
-                let name = if e.members.1 == 0 {
+                let name = if e.family.members.1 == 0 {
                     e.name.to_owned()
                 } else {
                     format!("{}(...)", e.name)
@@ -191,41 +190,14 @@ fn listing(what: ListWhat, catalogue: &Catalogue, data: &[PathBuf]) -> Result<Li
             )
         }
         ListWhat::Params => {
-            let mut rows = Vec::new();
-            let mut add = |role: &str, model: &str, infos: Vec<ParamInfo>| {
-                rows.extend(infos.iter().map(|i| {
-                    row(&[
-                        &format!("{role}.{model}.{}", i.name),
-                        &i.default,
-                        &i.allowed,
-                        i.doc,
-                    ])
-                }));
-            };
-            registry
-                .sms()
-                .iter()
-                .for_each(|e| add("sm", e.name, (e.params)()));
-            registry
-                .composites()
-                .iter()
-                .for_each(|e| add("composite", e.name, (e.params)()));
-            registry
-                .ams()
-                .iter()
-                .for_each(|e| add("am", e.name, (e.params)()));
-            registry
-                .ssms()
-                .iter()
-                .for_each(|e| add("ssm", e.name, (e.params)()));
-            registry
-                .ilms()
-                .iter()
-                .for_each(|e| add("ilm", e.name, (e.params)()));
+            let rows = registry.params().into_iter().map(|(tag, model, info)| {
+                let name = format!("{tag}.{model}.{}", info.name);
+                row(&[&name, &info.default, &info.allowed, info.doc])
+            });
             (
                 "parameters",
                 vec!["parameter", "default", "allowed", "description"],
-                rows,
+                rows.collect(),
             )
         }
         ListWhat::Metrics => {

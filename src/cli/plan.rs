@@ -5,12 +5,9 @@ use super::console::print;
 use super::exit::Outcome;
 use super::experiment::experiment;
 use super::program::Program;
-use crate::plan::plan::Plan;
-use crate::plan::shard::Cut;
-use crate::plan::shard::Shard;
-use crate::plan::shard::Sharding;
+use crate::plan::{Cut, Plan, Shard, Sharding};
 use crate::report::{Format, render};
-use crate::run::cost::{Estimate, estimate};
+use crate::run::cost::{self, Cost};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 use std::process::ExitCode;
@@ -58,13 +55,13 @@ struct Part {
 /// Runs the command.
 ///
 /// # Errors
-/// Wrong arguments or grid file, unusable data, nothing selected.
+/// Wrong arguments or experiment file, unusable data, nothing selected.
 pub fn run(args: &PlanArgs, program: &Program) -> Outcome {
     let request = experiment(&args.experiment, Vec::new(), program)?;
     let plan = request.plan()?;
-    let estimate = match args.measure {
+    let cost = match args.measure {
         0 => None,
-        n => Some(estimate(&request, n)?),
+        n => Some(cost::measure(&request, n)?),
     };
     let parts = args.shards.map(|(cut, count)| {
         let sharding = Sharding::new(&plan, cut, count);
@@ -84,11 +81,10 @@ pub fn run(args: &PlanArgs, program: &Program) -> Outcome {
     });
     let parts = parts.unwrap_or_default();
     let hours = |frames: u64, units: usize| {
-        estimate
-            .as_ref()
+        cost.as_ref()
             .map(|e| e.seconds(units as f64, frames as f64) / 3600.0)
     };
-    let totals = totals(&plan, estimate.as_ref());
+    let totals = totals(&plan, cost.as_ref());
     if args.format == Format::Json {
         let mut value: Map<String, Value> = totals.into_iter().map(|(k, v, _)| (k.into(), v)).collect();
         let shard = |(shard, part): &(Shard, Part)| {
@@ -139,7 +135,7 @@ pub fn run(args: &PlanArgs, program: &Program) -> Outcome {
 }
 
 /// Figures of the whole plan: name, value, text.
-fn totals(plan: &Plan, estimate: Option<&Estimate>) -> Vec<(&'static str, Value, String)> {
+fn totals(plan: &Plan, cost: Option<&Cost>) -> Vec<(&'static str, Value, String)> {
     let plain = |name, value: u64| (name, Value::from(value), value.to_string());
     let datasets: BTreeSet<&str> = plan.sequences.iter().map(|s| s.dataset.as_str()).collect();
     let mut rows = vec![
@@ -155,7 +151,7 @@ fn totals(plan: &Plan, estimate: Option<&Estimate>) -> Vec<(&'static str, Value,
         plain("units", plan.len() as u64),
         plain("frames", plan.frames()),
     ];
-    if let Some(e) = estimate {
+    if let Some(e) = cost {
         let hours = e.seconds(plan.len() as f64, plan.frames() as f64) / 3600.0;
         let error = e.relative_error() * hours;
         rows.push(plain("measured_units", e.units as u64));

@@ -8,7 +8,7 @@ use super::program::Program;
 use super::progress::Progress;
 use super::recorded::recorded;
 use super::signals::stop_on_signals;
-use crate::plan::request::RunRequest;
+use crate::plan::RunRequest;
 use crate::report::{TableOptions, table};
 use crate::run::runner::RunReport;
 use clap::{Args, Parser};

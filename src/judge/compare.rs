@@ -122,7 +122,7 @@ pub enum CompareError {
     #[error("not comparable: {}", .0.join("; "))]
     NotComparable(Vec<String>),
     /// The tracker to compare with was not run.
-    #[error("{run} has no tracker '{tracker}'{}", .suggestion.as_ref().map_or(String::new(), |s| format!("; did you mean '{s}'?")))]
+    #[error("{run} has no tracker '{tracker}'{}", mtf::registry::hint(.suggestion.as_deref()))]
     NoReference {
         /// The run that should have it.
         run: String,

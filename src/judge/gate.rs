@@ -4,7 +4,7 @@
 
 use crate::judge::baseline::{Baseline, Figure, Key, Line};
 pub use crate::judge::tolerances::Tolerances;
-use crate::plan::protocol::Protocol;
+use crate::plan::Protocol;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A figure that differs from the baseline.

@@ -4,7 +4,7 @@
 //! tracker, which knows the box in the unwarped image, starts there. It has converged when it is within a threshold
 //! of the moved corners after a few updates on the warped image. All trackers see the same warps.
 
-use crate::plan::request::TrackerEntry;
+use crate::plan::{TrackerEntry, derived_seed};
 use mtf::geom::{Corners, Mat3, homography};
 use mtf::image::{Frame, Image, PreProcessor};
 use mtf::tracker::Tracker;
@@ -13,7 +13,6 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use serde::Serialize;
-use sha2::{Digest, Sha256};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -150,17 +149,6 @@ fn perturbed(base: &Corners, sigma: f64, rng: &mut Pcg64) -> Corners {
     }
 }
 
-fn seed_of(words: &[&str], seed: u64) -> u64 {
-    let mut hash = Sha256::new();
-    hash.update(seed.to_le_bytes());
-    for word in words {
-        hash.update((word.len() as u64).to_le_bytes());
-        hash.update(word.as_bytes());
-    }
-    let bytes = hash.finalize();
-    u64::from_le_bytes(std::array::from_fn(|i| bytes[i]))
-}
-
 /// The image as seen when `to_source` takes its pixels to those of `image`: the mean of 2x2 bilinear samples per pixel, border
 /// pixels repeated outside.
 fn warped(image: &Image, to_source: &Mat3) -> Image {
@@ -268,7 +256,7 @@ pub fn run(
                     reason,
                 };
                 let mut tracker = (entry.make)().map_err(start)?;
-                tracker.reseed(seed_of(&[&entry.name.id, &texture.name], request.seed));
+                tracker.reseed(derived_seed(request.seed, &[&entry.name.id, &texture.name], None));
                 tracker.init(&first, &base).map_err(|e| start(e.to_string()))?;
                 let row = BasinRow {
                     tracker: entry.name.id.clone(),
@@ -287,9 +275,10 @@ pub fn run(
             })
             .collect::<Result<_, BasinError>>()?;
         for (s, &sigma) in request.sigmas.iter().enumerate() {
-            let mut rng = Pcg64::seed_from_u64(seed_of(
-                &["warps", &texture.name, &sigma.to_string()],
+            let mut rng = Pcg64::seed_from_u64(derived_seed(
                 request.seed,
+                &["warps", &texture.name, &sigma.to_string()],
+                None,
             ));
             let truths: Vec<Corners> = (0..request.trials)
                 .map(|_| perturbed(&base, sigma, &mut rng))

@@ -12,7 +12,7 @@ use crate::measure::machine::Machine;
 use crate::metric::error::frame_error;
 use crate::metric::score::Sample;
 use crate::panics;
-use crate::plan::request::{TrackerEntry, sequence_id};
+use crate::plan::{TrackerEntry, sequence_id};
 use mtf::image::{Frame, PreProcessor};
 use mtf::tracker::Tracker;
 use serde::{Deserialize, Serialize};
@@ -21,7 +21,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Version of the file a measurement is saved in.
-pub const SCHEMA_VERSION: u32 = 1;
+pub const MEASUREMENT_FORMAT_VERSION: u32 = 1;
 
 /// What to measure.
 #[derive(Clone, Debug)]
@@ -107,7 +107,7 @@ impl BenchRow {
 /// A measurement as it is saved.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measurement {
-    /// [`SCHEMA_VERSION`].
+    /// [`MEASUREMENT_FORMAT_VERSION`].
     pub schema_version: u32,
     /// Where it was made.
     #[serde(default)]

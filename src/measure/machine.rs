@@ -40,7 +40,7 @@ impl Machine {
             cores: cores(),
             os: os_name(),
             arch: std::env::consts::ARCH.to_owned(),
-            simd: mtf::kernels::simd_level().name().to_owned(),
+            simd: mtf::simd_level().name().to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             revision: option_env!("MTF_EVAL_REVISION").map(str::to_owned),
             rustc: env!("MTF_EVAL_RUSTC").to_owned(),

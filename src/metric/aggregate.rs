@@ -5,7 +5,7 @@
 
 use crate::metric::error::{FrameError, Metric};
 use crate::metric::score::{Sample, Score};
-use crate::plan::protocol::Protocol;
+use crate::plan::Protocol;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

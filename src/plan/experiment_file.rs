@@ -16,7 +16,7 @@
 //! "nn.n_samples" = 1000
 //! ```
 
-use mtf::registry::{SpecError, suggest};
+use mtf::registry::{SpecError, hint, suggest};
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -35,7 +35,8 @@ pub struct Located {
 
 /// What is wrong with a file.
 #[derive(Debug, thiserror::Error)]
-pub enum GridError {
+#[non_exhaustive]
+pub enum ExperimentFileError {
     /// The file cannot be read.
     #[error("{path}: {source}", path = .path.display())]
     Io {
@@ -58,7 +59,7 @@ pub enum GridError {
 
 /// An experiment as a file describes it; nothing is looked up yet.
 #[derive(Clone, Debug, Default)]
-pub struct Grid {
+pub struct ExperimentFile {
     path: PathBuf,
     lists: Vec<(&'static str, Vec<Located>)>,
     single: Vec<(&'static str, Located)>,
@@ -81,33 +82,33 @@ const SINGLE: [&str; 8] = [
     "timeout",
 ];
 
-impl Grid {
+impl ExperimentFile {
     /// Reads the file at `path`.
     ///
     /// # Errors
     /// It cannot be read, is no TOML, or has keys or values of a kind that mean nothing.
-    pub fn read(path: &Path) -> Result<Grid, GridError> {
-        let text = std::fs::read_to_string(path).map_err(|source| GridError::Io {
+    pub fn read(path: &Path) -> Result<ExperimentFile, ExperimentFileError> {
+        let text = std::fs::read_to_string(path).map_err(|source| ExperimentFileError::Io {
             path: path.to_path_buf(),
             source,
         })?;
-        Grid::parse(&text, path)
+        ExperimentFile::parse(&text, path)
     }
 
     /// Reads the text of a file at `path`.
     ///
     /// # Errors
     /// As [`read`](Self::read).
-    pub fn parse(text: &str, path: &Path) -> Result<Grid, GridError> {
+    pub fn parse(text: &str, path: &Path) -> Result<ExperimentFile, ExperimentFileError> {
         let line = |at: usize| 1 + text.bytes().take(at).filter(|b| *b == b'\n').count();
-        let fault = |line: usize, reason: String| GridError::At {
+        let fault = |line: usize, reason: String| ExperimentFileError::At {
             path: path.to_path_buf(),
             line,
             reason,
         };
         let table = DeTable::parse(text)
             .map_err(|e| fault(line(e.span().map_or(0, |s| s.start)), e.message().to_owned()))?;
-        let values = |key: &str, value: &Spanned<DeValue<'_>>| -> Result<Vec<Located>, GridError> {
+        let values = |key: &str, value: &Spanned<DeValue<'_>>| -> Result<Vec<Located>, ExperimentFileError> {
             let one = |value: &Spanned<DeValue<'_>>| {
                 let line = line(value.span().start);
                 match scalar(value.get_ref()) {
@@ -126,9 +127,9 @@ impl Grid {
                 _ => one(value).map(|v| vec![v]),
             }
         };
-        let mut grid = Grid {
+        let mut file = ExperimentFile {
             path: path.to_path_buf(),
-            ..Grid::default()
+            ..ExperimentFile::default()
         };
         for (key, value) in table.get_ref() {
             let at = line(key.span().start);
@@ -144,31 +145,31 @@ impl Grid {
                         if list.is_empty() {
                             return Err(fault(at, format!("{name}: no value")));
                         }
-                        grid.params.push((Located { text: name, line: at }, list));
+                        file.params.push((Located { text: name, line: at }, list));
                     }
                 }
             } else if let Some(known) = LISTS.iter().find(|k| **k == key) {
-                grid.lists.push((known, values(key, value)?));
+                file.lists.push((known, values(key, value)?));
             } else if let Some(known) = SINGLE.iter().find(|k| **k == key) {
                 match &values(key, value)?[..] {
-                    [one] => grid.single.push((known, one.clone())),
+                    [one] => file.single.push((known, one.clone())),
                     _ => return Err(fault(at, format!("{key}: expected one value"))),
                 }
             } else {
                 let known = LISTS.iter().chain(&SINGLE).copied().chain(["params"]);
-                let hint = suggest(key, known).map_or(String::new(), |s| format!("; did you mean '{s}'?"));
+                let hint = hint(suggest(key, known).as_deref());
                 return Err(fault(at, format!("unknown key '{key}'{hint}")));
             }
         }
         // Tables come by name; lines are what people see.
-        grid.params.sort_by_key(|(name, _)| name.line);
-        let product = grid
+        file.params.sort_by_key(|(name, _)| name.line);
+        let product = file
             .params
             .iter()
             .map(|(_, v)| v.len())
             .try_fold(1usize, usize::checked_mul);
-        match (product, grid.params.last()) {
-            (Some(n), _) if n <= LARGEST_PRODUCT => Ok(grid),
+        match (product, file.params.last()) {
+            (Some(n), _) if n <= LARGEST_PRODUCT => Ok(file),
             (_, last) => {
                 let reason = format!("parameters make more than {LARGEST_PRODUCT} combinations");
                 Err(fault(last.map_or(1, |(name, _)| name.line), reason))
@@ -189,7 +190,7 @@ impl Grid {
         &self,
         key: &str,
         parse: impl Fn(&str) -> Result<T, String>,
-    ) -> Result<Option<T>, GridError> {
+    ) -> Result<Option<T>, ExperimentFileError> {
         let Some((_, value)) = self.single.iter().find(|(k, _)| *k == key) else {
             return Ok(None);
         };
@@ -227,8 +228,8 @@ impl Grid {
     }
 
     /// An error at a line of the file.
-    pub fn at(&self, line: usize, reason: impl std::fmt::Display) -> GridError {
-        GridError::At {
+    pub fn at(&self, line: usize, reason: impl std::fmt::Display) -> ExperimentFileError {
+        ExperimentFileError::At {
             path: self.path.clone(),
             line,
             reason: reason.to_string(),
@@ -310,32 +311,32 @@ fn scalar(value: &DeValue<'_>) -> Option<String> {
 mod tests {
     use super::*;
 
-    fn parse(text: &str) -> Result<Grid, GridError> {
-        Grid::parse(text, Path::new("plans/a.toml"))
+    fn parse(text: &str) -> Result<ExperimentFile, ExperimentFileError> {
+        ExperimentFile::parse(text, Path::new("plans/a.toml"))
     }
 
     #[test]
     fn a_whole_experiment() {
         let text = "data = ['builtin', '../d', '/x']\nsm = 'lk'\nam = ['ssd',\n  'ncc']\nseed = 0x10\n[params]\nmax_iters = [10, 30]\nepsilon = 1e-4\nsm.esm.res = '20x20'\n";
-        let grid = parse(text).unwrap();
-        assert_eq!(grid.data(), ["builtin", "plans/../d", "/x"].map(PathBuf::from));
+        let file = parse(text).unwrap();
+        assert_eq!(file.data(), ["builtin", "plans/../d", "/x"].map(PathBuf::from));
         assert_eq!(
-            grid.list("am")[1],
+            file.list("am")[1],
             Located {
                 text: "ncc".into(),
                 line: 4
             }
         );
         assert_eq!(
-            grid.value("seed", |s| s.parse::<u64>().map_err(|e| e.to_string()))
+            file.value("seed", |s| s.parse::<u64>().map_err(|e| e.to_string()))
                 .unwrap(),
             Some(16)
         );
-        let settings = grid.settings(|_| false);
+        let settings = file.settings(|_| false);
         assert_eq!(settings.len(), 2);
         let texts: Vec<String> = settings[1].iter().map(|(n, v)| format!("{n}={v}")).collect();
         assert_eq!(texts, ["max_iters=30", "epsilon=1e-4", "sm.esm.res=20x20"]);
-        assert_eq!(grid.settings(|name| name == "max_iters").len(), 1);
+        assert_eq!(file.settings(|name| name == "max_iters").len(), 1);
     }
 
     #[test]
@@ -375,25 +376,25 @@ mod tests {
 
     #[test]
     fn the_line_to_blame_is_found() {
-        let grid = parse("sm = 'lk'\nam = ['ssd',\n 'nccc']\ntracker = 'esm/zzz/affine'\n[params]\nmax_itres = 3\nres = ['9x9',\n 'big']").unwrap();
+        let file = parse("sm = 'lk'\nam = ['ssd',\n 'nccc']\ntracker = 'esm/zzz/affine'\n[params]\nmax_itres = 3\nres = ['9x9',\n 'big']").unwrap();
         let name = |name: &str| SpecError::UnknownName {
             role: "",
             name: name.into(),
             suggestion: None,
         };
-        assert_eq!(grid.blame(&name("nccc")), Some(3));
-        assert_eq!(grid.blame(&name("zzz")), Some(4));
-        assert_eq!(grid.blame(&name("nowhere")), None);
+        assert_eq!(file.blame(&name("nccc")), Some(3));
+        assert_eq!(file.blame(&name("zzz")), Some(4));
+        assert_eq!(file.blame(&name("nowhere")), None);
         let param = SpecError::UnknownParam {
             name: "max_itres".into(),
             suggestion: None,
         };
-        assert_eq!(grid.blame(&param), Some(6));
+        assert_eq!(file.blame(&param), Some(6));
         let value = mtf::params::ParamError::Value {
             name: "res",
             value: "big".into(),
             allowed: String::new(),
         };
-        assert_eq!(grid.blame(&value.into()), Some(8));
+        assert_eq!(file.blame(&value.into()), Some(8));
     }
 }

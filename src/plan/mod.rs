@@ -1,13 +1,23 @@
-//! What is asked of a run and what it consists of: requests, experiment files, protocols, units, keys, shards.
+//! What is asked of a run and what it consists of: requests, experiment files, protocols, units, keys, seeds, shards.
 //! Depends on `dataset` and `metric`.
 
-pub mod experiment_file;
-pub mod plan;
-pub mod protocol;
-pub mod request;
-pub mod shard;
+mod error;
+mod experiment_file;
+mod keys;
+mod protocol;
+mod request;
+mod seed;
+mod shard;
+mod tracker;
+mod units;
 
-pub use plan::{FrameLogs, Plan, Unit};
+pub use error::PlanError;
+pub use experiment_file::{ExperimentFile, ExperimentFileError, Located};
+pub use keys::{UnitKey, UnitKeys};
 pub use protocol::{Protocol, Protocols};
-pub use request::{RunRequest, TrackerEntry};
-pub use shard::{Cut, Shard};
+pub(crate) use request::Prepared;
+pub use request::{RunRequest, sequence_id};
+pub use seed::derived_seed;
+pub use shard::{Cut, Shard, Sharding};
+pub use tracker::{Make, TrackerEntry};
+pub use units::{FrameLogs, Plan, PlannedSequence, PlannedTracker, RUN_FORMAT_VERSION, Unit};

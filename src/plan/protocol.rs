@@ -12,6 +12,7 @@ const LARGEST: u32 = 100_000;
 /// In all of them the ground truth of a start is all that a tracker is told. Started anew means a new tracker with the
 /// seed of a start on that frame: what comes after does not depend on what came before.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub enum Protocol {
     /// One pass from the first annotated frame.
     #[default]

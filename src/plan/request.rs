@@ -1,67 +1,18 @@
 //! What is asked of a run: trackers that can be made, sequences that can be read, how and where.
 
+use super::error::PlanError;
+use super::protocol::Protocols;
+use super::shard::Shard;
+use super::tracker::TrackerEntry;
+use super::units::{FrameLogs, Plan, PlannedSequence, PlannedTracker, RUN_FORMAT_VERSION};
 use crate::dataset::Sequence;
 use crate::metric::aggregate::TrackerName;
-use crate::plan::plan::{FrameLogs, Plan, PlannedSequence, PlannedTracker, SCHEMA_VERSION};
-use crate::plan::protocol::Protocols;
-use crate::plan::shard::Shard;
-use crate::store::rundir::RunError;
 use mtf::image::PreProcessor;
-use mtf::registry::{Registry, SpecError, TrackerSpec};
-use mtf::tracker::Tracker;
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
-
-/// Makes a fresh tracker, or says why it cannot.
-pub type Make = dyn Fn() -> Result<Box<dyn Tracker>, String> + Send + Sync;
-
-/// A tracker to be evaluated: what it is called and how to make one.
-#[derive(Clone)]
-pub struct TrackerEntry {
-    /// Canonical id and parts, as tables show them.
-    pub name: TrackerName,
-    /// Name of the folder of its logs.
-    pub slug: String,
-    /// Every parameter with its value: two trackers with the same id and parameters must give the same results.
-    pub parameters: Value,
-    /// Makes one. Called once per sequence.
-    pub make: Arc<Make>,
-}
-
-impl std::fmt::Debug for TrackerEntry {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "TrackerEntry({})", self.name.id)
-    }
-}
-
-impl TrackerEntry {
-    /// A tracker of `registry`, which may hold the user's own models.
-    ///
-    /// # Errors
-    /// The registry does not know the tracker.
-    pub fn from_registry(registry: &Arc<Registry>, spec: &TrackerSpec) -> Result<TrackerEntry, SpecError> {
-        let (sm, am, ssm, ilm) = spec.parts();
-        let name = TrackerName {
-            id: spec.to_string(),
-            sm: sm.to_owned(),
-            am: am.to_owned(),
-            ssm: ssm.to_owned(),
-            ilm: ilm.to_owned(),
-        };
-        let parameters = registry.describe(spec)?;
-        let (registry, slug, spec) = (Arc::clone(registry), spec.slug(), spec.clone());
-        let make = Arc::new(move || registry.build(&spec).map_err(|e| e.to_string()));
-        Ok(TrackerEntry {
-            name,
-            slug,
-            parameters,
-            make,
-        })
-    }
-}
 
 /// Everything that defines a run.
 #[derive(Clone, Debug)]
@@ -112,16 +63,16 @@ impl RunRequest {
     ///
     /// # Errors
     /// Nothing was requested, a sequence has no ground truth to start from, or two sequences share a name.
-    pub fn plan(&self) -> Result<Plan, RunError> {
+    pub fn plan(&self) -> Result<Plan, PlanError> {
         self.prepare().map(|prepared| prepared.plan)
     }
 
-    pub(crate) fn prepare(&self) -> Result<Prepared<'_>, RunError> {
+    pub(crate) fn prepare(&self) -> Result<Prepared<'_>, PlanError> {
         if self.trackers.is_empty() {
-            return Err(RunError::Nothing("no tracker"));
+            return Err(PlanError::Nothing("no tracker"));
         }
         if self.sequences.is_empty() {
-            return Err(RunError::Nothing("no sequence"));
+            return Err(PlanError::Nothing("no sequence"));
         }
         let mut trackers: Vec<&TrackerEntry> = self.trackers.iter().collect();
         trackers.sort_by(|a, b| a.name.id.cmp(&b.name.id));
@@ -133,7 +84,7 @@ impl RunRequest {
                 .entry((sequence.dataset(), sequence.name()))
                 .or_insert((sequence, fingerprint.clone()));
             if *first != fingerprint {
-                return Err(RunError::Ambiguous(sequence_id(sequence)));
+                return Err(PlanError::Ambiguous(sequence_id(sequence)));
             }
         }
         let mut planned = Vec::new();
@@ -143,7 +94,7 @@ impl RunRequest {
             let starts = starts.map(|p| p.starts(sequence.len(), |i| sequence.truth(i).is_some()));
             let starts: Vec<Vec<u32>> = starts.collect();
             if starts.iter().any(Vec::is_empty) {
-                return Err(RunError::Sequence {
+                return Err(PlanError::Sequence {
                     sequence: sequence_id(sequence),
                     reason: "no frame has ground truth to start from".into(),
                 });
@@ -171,7 +122,7 @@ impl RunRequest {
             }
         };
         let plan = Plan {
-            schema_version: SCHEMA_VERSION,
+            schema_version: RUN_FORMAT_VERSION,
             tool: env!("CARGO_PKG_NAME").to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             protocol: self.protocol.clone(),

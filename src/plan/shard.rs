@@ -6,8 +6,7 @@
 //! ids, so that costly families do not gather in one slice. *Hashes* deal out blocks of a sequence and a sixteenth of the
 //! trackers; what is added to a plan leaves the rest where it was.
 
-use crate::plan::plan::{Plan, Unit};
-use crate::store::rundir::hex;
+use super::units::{Plan, Unit};
 use sha2::{Digest, Sha256};
 use std::fmt;
 use std::str::FromStr;
@@ -17,6 +16,7 @@ const BLOCKS: u8 = 16;
 
 /// How a plan is cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum Cut {
     /// Runs of equal cost.
     Slice,
@@ -165,16 +165,10 @@ impl Sharding {
     }
 }
 
-/// First two hexadecimal digits of the hash of a name: where it goes in a folder that has too many entries.
-pub(crate) fn fan(name: &str) -> String {
-    hex(&Sha256::digest(name)[..1])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::plan::{FrameLogs, PlannedSequence, PlannedTracker};
-    use crate::plan::protocol::Protocols;
+    use crate::plan::{FrameLogs, PlannedSequence, PlannedTracker, Protocols};
     use serde_json::{Map, Value};
     use std::collections::{BTreeMap, BTreeSet};
 

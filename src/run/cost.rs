@@ -3,11 +3,11 @@
 //! Units are taken evenly over trackers and sequences. With mean time `i` to start and `u` per update, a plan of `U` units
 //! and `F` frames takes `U i + (F - U) u` of one core.
 
-use crate::plan::plan::{FrameLogs, Keys};
-use crate::plan::request::RunRequest;
+use crate::plan::{FrameLogs, PlanError, RunRequest, UnitKeys};
+use crate::run::error::RunError;
 use crate::run::runner::{Silent, run};
+use crate::store::StoreError;
 use crate::store::journal::Journal;
-use crate::store::rundir::RunError;
 use std::sync::atomic::AtomicBool;
 
 /// Frames that a unit is tracked for after the first.
@@ -15,7 +15,7 @@ const UPDATES: usize = 10;
 
 /// Mean times of the measured units.
 #[derive(Clone, Copy, Debug)]
-pub struct Estimate {
+pub struct Cost {
     /// Units measured.
     pub units: usize,
     /// Time to start a unit, s.
@@ -26,7 +26,7 @@ pub struct Estimate {
     relative_variance: f64,
 }
 
-impl Estimate {
+impl Cost {
     /// Time of one core for `units` units of `frames` frames together, s.
     pub fn seconds(&self, units: f64, frames: f64) -> f64 {
         units * self.init + (frames - units).max(0.0) * self.update
@@ -41,11 +41,11 @@ impl Estimate {
 /// Tracks `count` units of `request` for a few frames each, on one thread, in a temporary directory.
 ///
 /// # Errors
-/// As a run; [`RunError::Nothing`] when none of them could be tracked.
-pub fn estimate(request: &RunRequest, count: usize) -> Result<Estimate, RunError> {
+/// As a run; [`PlanError::Nothing`] when none of them could be tracked.
+pub fn measure(request: &RunRequest, count: usize) -> Result<Cost, RunError> {
     let plan = request.plan()?;
     let temporary =
-        tempfile::tempdir().map_err(|e| RunError::io(std::path::Path::new("temporary folder"), e))?;
+        tempfile::tempdir().map_err(|e| StoreError::io(std::path::Path::new("temporary folder"), e))?;
     let golden = |k: usize| (k as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     let place = |k: usize, len: usize| ((u128::from(golden(k)) * len as u128) >> 64) as usize;
     let mut times = Vec::new();
@@ -73,7 +73,7 @@ pub fn estimate(request: &RunRequest, count: usize) -> Result<Estimate, RunError
         let journal = Journal::read(&one.out.join("journal.jsonl"))?;
         for unit in plan.units() {
             if let Some(entry) = journal
-                .get(&Keys::new(&plan).of(&unit))?
+                .get(&UnitKeys::new(&plan).of(&unit))?
                 .filter(|e| e.time.updates > 0)
             {
                 let update = entry.time.seconds / entry.time.updates as f64;
@@ -82,7 +82,7 @@ pub fn estimate(request: &RunRequest, count: usize) -> Result<Estimate, RunError
         }
     }
     if times.is_empty() {
-        return Err(RunError::Nothing("none of the measured units could be tracked"));
+        return Err(PlanError::Nothing("none of the measured units could be tracked").into());
     }
     let n = times.len() as f64;
     let mean = |f: fn(&(f64, f64)) -> f64| times.iter().map(f).sum::<f64>() / n;
@@ -91,7 +91,7 @@ pub fn estimate(request: &RunRequest, count: usize) -> Result<Estimate, RunError
     let whole = |t: &(f64, f64)| t.0 + per_unit * t.1;
     let average = whole(&(init, update)).max(f64::MIN_POSITIVE);
     let variance = times.iter().map(|t| (whole(t) - average).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-    Ok(Estimate {
+    Ok(Cost {
         units: times.len(),
         init,
         update,

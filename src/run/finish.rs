@@ -6,12 +6,14 @@
 use crate::measure::machine::cpu_name;
 use crate::metric::aggregate::{Results, UnitResult, UnitStatus, aggregate_tracker};
 use crate::metric::error::FrameError;
-use crate::plan::plan::{FrameLogs, Key, Keys, Plan, Unit};
+use crate::plan::{FrameLogs, Plan, Unit, UnitKey, UnitKeys};
 use crate::report::{self, Meta};
+use crate::run::error::RunError;
 use crate::store::Durable;
+use crate::store::StoreError;
 use crate::store::framelog::{parse_log, score_log, unpack_log};
 use crate::store::journal::{Entry, EntryStatus, Journal, UnitTime};
-use crate::store::rundir::{RunDir, RunError, digest, host_name};
+use crate::store::rundir::{RunDir, digest, host_name};
 use crate::store::truth::{self, Truth};
 use rayon::prelude::*;
 use serde_json::{Map, Value};
@@ -23,10 +25,10 @@ use std::path::PathBuf;
 const CURVE_UNITS: usize = 20_000;
 
 /// All there is to make results from.
-pub(crate) struct Run<'a> {
+pub(crate) struct ResultSource<'a> {
     pub dir: &'a RunDir,
     pub plan: &'a Plan,
-    pub keys: &'a Keys,
+    pub keys: &'a UnitKeys,
     pub truth: &'a [Truth],
     pub journal: &'a Journal,
 }
@@ -34,7 +36,7 @@ pub(crate) struct Run<'a> {
 /// Units without a result: what they are, and why.
 pub type Failed = Vec<(String, String)>;
 
-impl Run<'_> {
+impl ResultSource<'_> {
     /// Writes `timing.csv` and the result files of `units`, which are in the order of the plan.
     pub fn finish(&self, units: &[Unit], pool: &rayon::ThreadPool) -> Result<(Results, Failed), RunError> {
         // A tracker at a time, so that the errors of all frames of all trackers are never in memory together.
@@ -83,8 +85,8 @@ impl Run<'_> {
     }
 
     /// The unit's result as it stands on disk.
-    fn load(&self, unit: &Unit) -> Result<(Entry, UnitResult), RunError> {
-        let damaged = |path: PathBuf, reason: String| RunError::Damaged { path, reason };
+    fn load(&self, unit: &Unit) -> Result<(Entry, UnitResult), StoreError> {
+        let damaged = |path: PathBuf, reason: String| StoreError::Damaged { path, reason };
         let sequence = &self.plan.sequences[unit.sequence as usize];
         let tracker = &self.plan.trackers[unit.tracker as usize];
         let truth = &self.truth[unit.sequence as usize];
@@ -101,7 +103,7 @@ impl Run<'_> {
             ),
             (_, Some(_), _) => {
                 let path = self.dir.log(self.plan, unit);
-                let bytes = fs::read(&path).map_err(|e| RunError::io(&path, e))?;
+                let bytes = fs::read(&path).map_err(|e| StoreError::io(&path, e))?;
                 let log = unpack_log(bytes)
                     .and_then(|text| parse_log(&text))
                     .map_err(|reason| damaged(path, reason))?;
@@ -133,7 +135,7 @@ impl Run<'_> {
 }
 
 /// Whether the directory holds the unit's result.
-pub(crate) fn is_done(dir: &RunDir, plan: &Plan, unit: &Unit, journal: &Journal, key: &Key) -> bool {
+pub(crate) fn is_done(dir: &RunDir, plan: &Plan, unit: &Unit, journal: &Journal, key: &UnitKey) -> bool {
     if journal.status(key) != Some(EntryStatus::Ok) {
         return false;
     }
@@ -166,9 +168,9 @@ pub(crate) fn describe(
     units: &[Unit],
     truth: &[Truth],
     host: &Map<String, Value>,
-) -> Result<(), RunError> {
+) -> Result<(), StoreError> {
     let path = dir.path().join("run.json");
-    let json = |e: serde_json::Error| RunError::io(&path, e.into());
+    let json = |e: serde_json::Error| StoreError::io(&path, e.into());
     let pretty = |value: &Value| format!("{value:#}\n").into_bytes();
     let mut run = serde_json::to_value(plan).map_err(json)?;
     run["host"] = Value::Object(host.clone());
@@ -185,13 +187,13 @@ pub(crate) fn describe(
 }
 
 /// Writes `timing.csv`: the file that differs between machines.
-fn write_timing(dir: &RunDir, plan: &Plan, times: &[(Unit, UnitTime)]) -> Result<(), RunError> {
+fn write_timing(dir: &RunDir, plan: &Plan, times: &[(Unit, UnitTime)]) -> Result<(), StoreError> {
     let path = dir.path().join("timing.csv");
     let cpu = cpu_name();
     let mut out = csv::Writer::from_writer(Vec::new());
     let write = |out: &mut csv::Writer<Vec<u8>>, fields: &[&str]| {
         out.write_record(fields)
-            .map_err(|e| RunError::io(&path, e.into()))
+            .map_err(|e| StoreError::io(&path, e.into()))
     };
     let header = "tracker,dataset,sequence,start,frames,seconds,fps,ms_median,ms_p95,fps_with_input,init_seconds,threads,comparable,cpu,course";
     write(&mut out, &header.split(',').collect::<Vec<_>>())?;
@@ -224,6 +226,6 @@ fn write_timing(dir: &RunDir, plan: &Plan, times: &[(Unit, UnitTime)]) -> Result
     }
     let bytes = out
         .into_inner()
-        .map_err(|e| RunError::io(&path, e.into_error()))?;
+        .map_err(|e| StoreError::io(&path, e.into_error()))?;
     dir.write(&path, &bytes)
 }

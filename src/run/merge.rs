@@ -3,13 +3,14 @@
 //! Every directory records the whole plan. They must agree about it; each unit of the plan must have ended in one of
 //! them, with a frame log that is what the journal says, and must not have ended differently in another.
 
-use crate::plan::plan::{Keys, Plan, Unit};
-use crate::plan::shard::{Cut, Shard, Sharding};
-use crate::run::finish::{self, Run, is_done};
+use crate::plan::{Cut, Plan, PlanError, Shard, Sharding, Unit, UnitKeys};
+use crate::run::error::RunError;
+use crate::run::finish::{self, ResultSource, is_done};
 use crate::run::runner::{Observer, RunReport, pool};
+use crate::store::StoreError;
 use crate::store::journal::{Entry, EntryStatus, Journal, JournalWriter};
 use crate::store::lock::Holder;
-use crate::store::rundir::{RunDir, RunError};
+use crate::store::rundir::RunDir;
 use crate::store::truth;
 use rayon::prelude::*;
 use serde_json::{Map, Value};
@@ -62,7 +63,7 @@ struct Part {
 /// Joins `request.parts`.
 ///
 /// # Errors
-/// [`RunError::Mismatch`] when directories are of different runs or disagree about a unit, [`RunError::Locked`] when one
+/// [`StoreError::Mismatch`] when directories are of different runs or disagree about a unit, [`StoreError::Locked`] when one
 /// is being written to, and what reading and writing may meet.
 pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, RunError> {
     let mut sources: Vec<&PathBuf> = request
@@ -82,23 +83,25 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
             // A job that never came to its start leaves nothing, or an empty folder.
             if path.exists()
                 && fs::read_dir(path)
-                    .map_err(|e| RunError::io(path, e))?
+                    .map_err(|e| StoreError::io(path, e))?
                     .next()
                     .is_some()
             {
-                return Err(RunError::NoRun {
+                return Err(StoreError::NoRun {
                     path: path.clone(),
                     reason: "no run.json".into(),
-                });
+                }
+                .into());
             }
             observer.warn(&format!("{}: nothing there", path.display()));
             continue;
         }
         if let Some(holder) = Holder::of(path).filter(|h| h.alive == Some(true)) {
-            return Err(RunError::Locked {
+            return Err(StoreError::Locked {
                 path: path.clone(),
                 holder: holder.text,
-            });
+            }
+            .into());
         }
         let mut dir = RunDir::view(path);
         let (plan, host) = dir.plan()?;
@@ -116,18 +119,19 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
             None => first = Some((plan, path.clone())),
             Some((known, known_path)) => {
                 if let Some(difference) = known.difference(&plan) {
-                    return Err(RunError::Mismatch {
+                    return Err(StoreError::Mismatch {
                         path: path.clone(),
                         reason: format!("{difference} in {}", known_path.display()),
-                    });
+                    }
+                    .into());
                 }
             }
         }
     }
     let Some((plan, first)) = first else {
-        return Err(RunError::Nothing("no run directory"));
+        return Err(PlanError::Nothing("no run directory").into());
     };
-    let keys = Keys::new(&plan);
+    let keys = UnitKeys::new(&plan);
     let units: Vec<Unit> = plan.units().collect();
     let pool = pool(request.threads)?;
     let chosen: Vec<Option<usize>> = pool.install(|| {
@@ -154,7 +158,7 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
         .filter(|(_, part)| part.dir.path() != request.out)
         .collect();
     pool.install(|| {
-        let copy = |&(unit, part): &(&Unit, &Part)| -> Result<(), RunError> {
+        let copy = |&(unit, part): &(&Unit, &Part)| -> Result<(), StoreError> {
             if part
                 .journal
                 .get(&keys.of(unit))?
@@ -171,14 +175,14 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
         .filter_map(|(unit, part)| part.journal.get(&keys.of(unit)).ok()?);
     JournalWriter::open(&dir.journal())?.extend(entries)?;
     let journal = Journal::read(&dir.journal())?;
-    let run = Run {
+    let source = ResultSource {
         dir: &dir,
         plan: &plan,
         keys: &keys,
         truth: &truth,
         journal: &journal,
     };
-    let (results, failed) = run.finish(&units, &pool)?;
+    let (results, failed) = source.finish(&units, &pool)?;
     Ok(Merged::Complete(Box::new(RunReport {
         path: request.out.clone(),
         results,
@@ -190,7 +194,7 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
 }
 
 /// The part that has the unit's result, else one where it failed, else none.
-fn choose(parts: &[Part], plan: &Plan, keys: &Keys, unit: &Unit) -> Result<Option<usize>, RunError> {
+fn choose(parts: &[Part], plan: &Plan, keys: &UnitKeys, unit: &Unit) -> Result<Option<usize>, StoreError> {
     let key = keys.of(unit);
     let (mut best, mut failed): (Option<(usize, Entry)>, _) = (None, None);
     for (index, part) in parts.iter().enumerate() {
@@ -206,7 +210,7 @@ fn choose(parts: &[Part], plan: &Plan, keys: &Keys, unit: &Unit) -> Result<Optio
                         if (&known.log, &known.errors, &known.grid)
                             != (&entry.log, &entry.errors, &entry.grid)
                         {
-                            return Err(RunError::Mismatch {
+                            return Err(StoreError::Mismatch {
                                 path: part.dir.path().to_path_buf(),
                                 reason: format!("another result of {}", plan.describe(unit)),
                             });
@@ -242,7 +246,7 @@ fn missing(plan: &Plan, absent: &[Unit], cuts: &BTreeSet<(Cut, u32)>) -> Missing
 }
 
 /// Gives the file `from` the name `to` as well, or copies it where that cannot be.
-fn link(from: &Path, to: &Path) -> Result<(), RunError> {
+fn link(from: &Path, to: &Path) -> Result<(), StoreError> {
     let attempt = || match fs::hard_link(from, to) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => {
             to.parent().map_or(Ok(()), fs::create_dir_all)?;
@@ -256,5 +260,5 @@ fn link(from: &Path, to: &Path) -> Result<(), RunError> {
     };
     attempt()
         .or_else(|_| fs::copy(from, to).map(|_| ()))
-        .map_err(|e| RunError::io(to, e))
+        .map_err(|e| StoreError::io(to, e))
 }

@@ -3,8 +3,7 @@
 use crate::dataset::Sequence;
 use crate::metric::error::{frame_error, grid_error};
 use crate::panics;
-use crate::plan::plan::Unit;
-use crate::plan::protocol::Protocol;
+use crate::plan::{Protocol, Unit};
 use crate::store::framelog::{BROKEN, FAILED, INIT, Row, SKIPPED, round_corners};
 use mtf::geom::{Corners, homography};
 use mtf::image::Frame;

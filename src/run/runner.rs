@@ -1,14 +1,13 @@
 //! A run from request to result files: lock, plan, resume, track, aggregate.
 
 use crate::metric::aggregate::Results;
-use crate::plan::plan::{Keys, Unit};
-use crate::plan::request::RunRequest;
-use crate::plan::shard::Sharding;
-use crate::run::finish::{self, Run};
+use crate::plan::{RunRequest, Sharding, Unit, UnitKeys};
+use crate::run::error::RunError;
+use crate::run::finish::{self, ResultSource};
 use crate::run::profile::{Profile, Spent};
-use crate::run::schedule::{Context, groups, lanes, run_units};
+use crate::run::schedule::{Context, groups, groups_at_once, run_units};
 use crate::store::journal::{Entry, EntryStatus, Journal, JournalWriter};
-use crate::store::rundir::{RunDir, RunError};
+use crate::store::rundir::RunDir;
 use crate::store::truth;
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -78,7 +77,7 @@ pub struct RunReport {
 pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> Result<RunReport, RunError> {
     let prepared = request.prepare()?;
     let plan = &prepared.plan;
-    let keys = Keys::new(plan);
+    let keys = UnitKeys::new(plan);
     let mut units: Vec<Unit> = match request.shard {
         None => plan.units().collect(),
         Some(shard) => {
@@ -150,14 +149,18 @@ pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> 
             stopped: OnceLock::new(),
             broken: AtomicBool::new(false),
             error: Mutex::new(None),
-            lanes: lanes(threads, largest, groups.len()),
+            at_once: groups_at_once(threads, largest, groups.len()),
             pool: &pool,
             spent: Spent::default(),
         };
         let begin = Instant::now();
         std::thread::scope(|scope| {
             let context = &context;
-            scope.spawn(move || writer.serve(finished).unwrap_or_else(|error| context.fail(error)));
+            scope.spawn(move || {
+                writer
+                    .serve(finished)
+                    .unwrap_or_else(|error| context.fail(error.into()))
+            });
             run_units(context, journal, groups);
         });
         observer.end();
@@ -178,14 +181,14 @@ pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> 
             total: units.len(),
         });
     }
-    let run = Run {
+    let source = ResultSource {
         dir: &dir,
         plan,
         keys: &keys,
         truth: &truth,
         journal: &journal,
     };
-    let (results, failed) = run.finish(&units, &pool)?;
+    let (results, failed) = source.finish(&units, &pool)?;
     Ok(RunReport {
         path: dir.path().to_path_buf(),
         results,
@@ -202,5 +205,5 @@ pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, RunError> {
         .num_threads(threads)
         .thread_name(|i| format!("worker {i}"))
         .build()
-        .map_err(|e| RunError::Threads(e.to_string()))
+        .map_err(RunError::from)
 }

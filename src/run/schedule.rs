@@ -3,20 +3,21 @@
 //! Frames are decoded a window ahead while the trackers of the group work through the current window in parallel, so
 //! memory does not depend on a sequence's length (but for its log rows, which count towards the size of a group) and a
 //! long sequence with many trackers keeps all cores as busy as many sequences with one. A group is at most
-//! [`GROUP`] trackers, so that an interruption costs little. Groups run side by side in *lanes*, as many as it takes to
-//! fill the threads and one more to fill in where a group waits for its slowest; lanes are plain threads that hand
-//! windows to one pool, so nesting stays bounded.
+//! [`GROUP`] trackers, so that an interruption costs little. As many groups run at once as it takes to fill the threads,
+//! and one more to fill in where a group waits for its slowest; each is driven by a plain thread that hands windows to one
+//! pool, so nesting stays bounded.
 
 use crate::dataset::Sequence;
 use crate::panics;
-use crate::plan::plan::{FrameLogs, Keys, Unit};
-use crate::plan::request::{Prepared, RunRequest};
+use crate::plan::{FrameLogs, Prepared, RunRequest, Unit, UnitKeys};
+use crate::run::error::RunError;
 use crate::run::pass::{Pass, Ready};
 use crate::run::profile::{Activity, Spent};
 use crate::run::runner::Observer;
+use crate::store::StoreError;
 use crate::store::framelog::{Row, format_log, pack_log, score_log};
 use crate::store::journal::{Entry, EntryStatus, Finished, UnitTime};
-use crate::store::rundir::{RunDir, RunError, digest};
+use crate::store::rundir::{RunDir, digest};
 use crate::store::{Durable, write_atomic};
 use mtf::image::Frame;
 use mtf::tracker::Tracker;
@@ -37,11 +38,11 @@ const FRAME_SHARE: u64 = 8;
 /// Bytes a frame costs a unit until its log is written.
 const ROW_BYTES: u64 = (size_of::<Row>() + size_of::<f32>()) as u64;
 
-/// What every lane shares.
+/// What all groups share.
 pub(crate) struct Context<'a> {
     pub request: &'a RunRequest,
     pub prepared: &'a Prepared<'a>,
-    pub keys: &'a Keys,
+    pub keys: &'a UnitKeys,
     pub dir: &'a RunDir,
     pub observer: &'a dyn Observer,
     /// Set by a signal.
@@ -52,7 +53,8 @@ pub(crate) struct Context<'a> {
     pub broken: AtomicBool,
     pub error: Mutex<Option<RunError>>,
     pub pool: &'a rayon::ThreadPool,
-    pub lanes: usize,
+    /// Groups that run at once.
+    pub at_once: usize,
     pub spent: Spent,
 }
 
@@ -88,8 +90,8 @@ impl Context<'_> {
     }
 }
 
-/// Lanes that keep `threads` busy with `groups` groups of at most `trackers` trackers.
-pub(crate) fn lanes(threads: usize, trackers: usize, groups: usize) -> usize {
+/// How many of `groups` groups of at most `trackers` trackers to run at once to keep `threads` busy.
+pub(crate) fn groups_at_once(threads: usize, trackers: usize, groups: usize) -> usize {
     let spare = usize::from(threads > 1);
     let fill = (2 * threads).div_ceil(trackers.max(1)) + spare;
     fill.min(threads).clamp(1, groups.max(1))
@@ -102,14 +104,14 @@ pub(crate) fn groups(units: &[Unit], threads: usize) -> impl Iterator<Item = &[U
 
 /// Runs `pending` (groups of units of one sequence each) to their end or until halted; what is finished goes to `journal`.
 pub(crate) fn run_units(context: &Context<'_>, journal: SyncSender<Finished>, mut pending: Vec<&[Unit]>) {
-    // The longest first, so that no lane is left alone with one at the end.
+    // The longest first, so that none is left to run alone at the end.
     pending.sort_by_key(|units| {
         std::cmp::Reverse(units.len() * units.first().map_or(0, |u| context.sequence(u).len()))
     });
     let work = Mutex::new(VecDeque::from(pending));
     let journal = &journal;
     std::thread::scope(|scope| {
-        for _ in 0..context.lanes {
+        for _ in 0..context.at_once {
             scope.spawn(|| {
                 while !context.stopping() {
                     let next = work.lock().unwrap_or_else(|e| e.into_inner()).pop_front();
@@ -126,7 +128,7 @@ pub(crate) fn run_units(context: &Context<'_>, journal: SyncSender<Finished>, mu
 fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[Unit]) {
     let Some(first) = units.first() else { return };
     let sequence = context.sequence(first);
-    let budget = context.request.memory / context.lanes as u64;
+    let budget = context.request.memory / context.at_once as u64;
     let mut waiting: VecDeque<&Unit> = units.iter().collect();
     let mut unreadable: Option<String> = None;
     while !waiting.is_empty() && !context.stopping() {
@@ -222,7 +224,7 @@ fn run_group<'a>(
     let ahead = window.first().map_or(WINDOW, |ready| {
         let planes = 4 * (usize::from(gray) + 3 * usize::from(colour)) + 1 + 2 * usize::from(colour);
         let bytes = (ready.frame.width() * ready.frame.height() * planes) as u64;
-        let room = context.request.memory / FRAME_SHARE / context.lanes as u64 / 2;
+        let room = context.request.memory / FRAME_SHARE / context.at_once as u64 / 2;
         ((room / bytes.max(1)) as usize).clamp(1, WINDOW)
     });
     // Started a few at a time: only then do all trackers know what they need.
@@ -380,7 +382,7 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
         entry.log = Some(digest(&bytes));
         // Synced in groups by the journal, before the line that vouches for it.
         if let Err(error) = write_atomic(&path, Durable::Later, |w| w.write_all(&bytes)) {
-            return context.fail(RunError::io(&path, error));
+            return context.fail(StoreError::io(&path, error).into());
         }
         written = Some(path);
     } else {
@@ -424,14 +426,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lanes_fill_the_threads_and_no_more() {
-        assert_eq!(lanes(1, 1, 12), 1);
-        assert_eq!(lanes(8, 1, 12), 8);
-        assert_eq!(lanes(8, 1, 3), 3);
-        assert_eq!(lanes(8, 5, 12), 5);
-        assert_eq!(lanes(8, 256, 12), 2);
-        assert_eq!(lanes(1, 256, 12), 1);
-        assert_eq!(lanes(2, 1, 0), 1);
+    fn groups_fill_the_threads_and_no_more() {
+        assert_eq!(groups_at_once(1, 1, 12), 1);
+        assert_eq!(groups_at_once(8, 1, 12), 8);
+        assert_eq!(groups_at_once(8, 1, 3), 3);
+        assert_eq!(groups_at_once(8, 5, 12), 5);
+        assert_eq!(groups_at_once(8, 256, 12), 2);
+        assert_eq!(groups_at_once(1, 256, 12), 1);
+        assert_eq!(groups_at_once(2, 1, 0), 1);
     }
 
     #[test]

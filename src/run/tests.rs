@@ -3,8 +3,8 @@
 use super::*;
 use crate::dataset::{self, LoadOptions, Sequence};
 use crate::metric::aggregate::TrackerName;
-use crate::plan::{FrameLogs, Protocol, Protocols, RunRequest, TrackerEntry, Unit};
-use crate::store::RunError;
+use crate::plan::{FrameLogs, PlanError, Protocol, Protocols, RunRequest, TrackerEntry, Unit};
+use crate::run::RunError;
 use crate::store::journal::{EntryStatus, Journal};
 use mtf::geom::Corners;
 use mtf::image::{Frame, Identity};
@@ -435,7 +435,7 @@ fn an_interrupted_run_goes_on_where_it_stopped() {
         other => panic!("{other:?}"),
     }
     let journal = Journal::read(&request.out.join("journal.jsonl")).unwrap();
-    let keys = crate::plan::plan::Keys::new(&request.plan().unwrap());
+    let keys = crate::plan::UnitKeys::new(&request.plan().unwrap());
     let ended = |unit: &Unit| journal.status(&keys.of(unit));
     assert!(
         request
@@ -455,16 +455,16 @@ fn requests_that_cannot_work_are_refused_before_anything_is_written() {
     let bench = Bench::new(&[5]);
     assert!(matches!(
         go(&bench.request("out", Vec::new())),
-        Err(RunError::Nothing(_))
+        Err(RunError::Plan(PlanError::Nothing(_)))
     ));
     let mut none = bench.request("out", many(1));
     none.sequences.clear();
-    assert!(matches!(go(&none), Err(RunError::Nothing(_))));
+    assert!(matches!(go(&none), Err(RunError::Plan(PlanError::Nothing(_)))));
     assert!(!none.out.exists());
     let other = Bench::new(&[6]);
     let mut both = bench.request("out", many(1));
     both.sequences.extend(other.sequences.iter().cloned());
-    assert!(matches!(go(&both), Err(RunError::Ambiguous(_))));
+    assert!(matches!(go(&both), Err(RunError::Plan(PlanError::Ambiguous(_)))));
     both.sequences.truncate(1);
     both.sequences.extend(bench.sequences.iter().cloned());
     assert_eq!(go(&both).unwrap().units, 1);

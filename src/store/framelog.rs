@@ -2,7 +2,7 @@
 //! scored again at any time.
 
 use crate::metric::error::{FrameError, frame_error};
-use crate::plan::plan::FrameLogs;
+use crate::plan::FrameLogs;
 use mtf::geom::Corners;
 use ruzstd::decoding::StreamingDecoder;
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};

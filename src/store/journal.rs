@@ -3,8 +3,8 @@
 //! Lines are appended as units finish (so a killed process loses nothing it reported) and made durable in groups,
 //! because a sync costs milliseconds and a small unit does not. Later lines of the same key replace earlier ones.
 
-use crate::plan::plan::Key;
-use crate::store::rundir::RunError;
+use crate::plan::UnitKey;
+use crate::store::error::StoreError;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
@@ -57,7 +57,7 @@ pub struct UnitTime {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
     /// Hash of everything that can change the result.
-    pub key: Key,
+    pub key: UnitKey,
     /// Id of the tracker.
     pub tracker: String,
     /// Data set of the sequence.
@@ -94,7 +94,7 @@ pub struct Entry {
 pub struct Journal {
     path: PathBuf,
     file: Option<Mutex<File>>,
-    lines: HashMap<Key, Line>,
+    lines: HashMap<UnitKey, Line>,
     /// Complete lines that could not be understood; their units run again.
     pub damaged: usize,
 }
@@ -112,14 +112,14 @@ impl Journal {
     ///
     /// # Errors
     /// The file exists and cannot be read.
-    pub fn read(path: &Path) -> Result<Journal, RunError> {
+    pub fn read(path: &Path) -> Result<Journal, StoreError> {
         /// What the index needs of an [`Entry`].
         #[derive(Deserialize)]
         struct Head {
-            key: Key,
+            key: UnitKey,
             status: EntryStatus,
         }
-        let io = |e| RunError::io(path, e);
+        let io = |e| StoreError::io(path, e);
         let mut journal = Journal {
             path: path.to_path_buf(),
             ..Journal::default()
@@ -159,7 +159,7 @@ impl Journal {
     }
 
     /// How the unit ended, if it did.
-    pub fn status(&self, key: &Key) -> Option<EntryStatus> {
+    pub fn status(&self, key: &UnitKey) -> Option<EntryStatus> {
         self.lines.get(key).map(|line| line.status)
     }
 
@@ -167,7 +167,7 @@ impl Journal {
     ///
     /// # Errors
     /// The file cannot be read, or the line is damaged where the index does not look.
-    pub fn get(&self, key: &Key) -> Result<Option<Entry>, RunError> {
+    pub fn get(&self, key: &UnitKey) -> Result<Option<Entry>, StoreError> {
         let (Some(line), Some(file)) = (self.lines.get(key), &self.file) else {
             return Ok(None);
         };
@@ -175,9 +175,9 @@ impl Journal {
         let mut file = file.lock().unwrap_or_else(|e| e.into_inner());
         file.seek(SeekFrom::Start(line.at))
             .and_then(|_| file.read_exact(&mut text))
-            .map_err(|e| RunError::io(&self.path, e))?;
+            .map_err(|e| StoreError::io(&self.path, e))?;
         drop(file);
-        let damaged = |e: serde_json::Error| RunError::Damaged {
+        let damaged = |e: serde_json::Error| StoreError::Damaged {
             path: self.path.clone(),
             reason: e.to_string(),
         };
@@ -208,8 +208,8 @@ impl JournalWriter {
     ///
     /// # Errors
     /// The file cannot be opened or shortened.
-    pub fn open(path: &Path) -> Result<JournalWriter, RunError> {
-        let io = |e| RunError::io(path, e);
+    pub fn open(path: &Path) -> Result<JournalWriter, StoreError> {
+        let io = |e| StoreError::io(path, e);
         let mut file = OpenOptions::new()
             .create(true)
             .read(true)
@@ -234,12 +234,13 @@ impl JournalWriter {
     ///
     /// # Errors
     /// The line cannot be written (disk full).
-    pub fn append(&mut self, finished: &Finished) -> Result<(), RunError> {
-        let mut line = serde_json::to_vec(&finished.entry).map_err(|e| RunError::io(&self.path, e.into()))?;
+    pub fn append(&mut self, finished: &Finished) -> Result<(), StoreError> {
+        let mut line =
+            serde_json::to_vec(&finished.entry).map_err(|e| StoreError::io(&self.path, e.into()))?;
         line.push(b'\n');
         self.file
             .write_all(&line)
-            .map_err(|e| RunError::io(&self.path, e))?;
+            .map_err(|e| StoreError::io(&self.path, e))?;
         self.waiting.push(finished.log.clone());
         self.oldest.get_or_insert_with(Instant::now);
         if self.waiting.len() >= COMMIT_UNITS || self.until_commit().is_zero() {
@@ -252,8 +253,8 @@ impl JournalWriter {
     ///
     /// # Errors
     /// The lines cannot be written or synced.
-    pub fn extend(&mut self, entries: impl Iterator<Item = Entry>) -> Result<(), RunError> {
-        let io = |e| RunError::io(&self.path, e);
+    pub fn extend(&mut self, entries: impl Iterator<Item = Entry>) -> Result<(), StoreError> {
+        let io = |e| StoreError::io(&self.path, e);
         let mut out = BufWriter::with_capacity(1 << 20, &self.file);
         for entry in entries {
             serde_json::to_writer(&mut out, &entry).map_err(|e| io(e.into()))?;
@@ -268,14 +269,14 @@ impl JournalWriter {
     ///
     /// # Errors
     /// The journal cannot be synced.
-    pub fn commit(&mut self) -> Result<(), RunError> {
+    pub fn commit(&mut self) -> Result<(), StoreError> {
         if self.waiting.is_empty() {
             return Ok(());
         }
         let logs: Vec<PathBuf> = self.waiting.drain(..).flatten().collect();
         sync_all(&logs)?;
         self.oldest = None;
-        self.file.sync_data().map_err(|e| RunError::io(&self.path, e))
+        self.file.sync_data().map_err(|e| StoreError::io(&self.path, e))
     }
 
     fn until_commit(&self) -> Duration {
@@ -287,7 +288,7 @@ impl JournalWriter {
     ///
     /// # Errors
     /// The first failure to write or sync.
-    pub fn serve(mut self, finished: Receiver<Finished>) -> Result<(), RunError> {
+    pub fn serve(mut self, finished: Receiver<Finished>) -> Result<(), StoreError> {
         loop {
             match finished.recv_timeout(self.until_commit()) {
                 Ok(unit) => self.append(&unit)?,
@@ -299,9 +300,9 @@ impl JournalWriter {
 }
 
 /// Makes files durable, many at a time: each sync waits for the disk, and those that wait together share its work.
-fn sync_all(logs: &[PathBuf]) -> Result<(), RunError> {
+fn sync_all(logs: &[PathBuf]) -> Result<(), StoreError> {
     let sync = |log: &PathBuf| match File::open(log) {
-        Ok(file) => file.sync_data().map_err(|e| RunError::io(log, e)),
+        Ok(file) => file.sync_data().map_err(|e| StoreError::io(log, e)),
         // A log that has gone since is found by its digest when the directory is next read.
         Err(_) => Ok(()),
     };
@@ -340,8 +341,8 @@ fn whole_lines(file: &mut File) -> std::io::Result<u64> {
 mod tests {
     use super::*;
 
-    fn key(name: u8) -> Key {
-        Key([name; 16])
+    fn key(name: u8) -> UnitKey {
+        UnitKey([name; 16])
     }
 
     fn entry(name: u8, status: EntryStatus) -> Entry {

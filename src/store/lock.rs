@@ -3,7 +3,8 @@
 //! The lock proper is the system's (released by it when the process ends, however it ends); the file says who holds it.
 //! Where the file system has no locks, what the file says has to do.
 
-use crate::store::rundir::{RunError, host_name};
+use crate::store::error::StoreError;
+use crate::store::rundir::host_name;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, Write};
 use std::path::Path;
@@ -69,8 +70,8 @@ fn began(pid: u32) -> Option<u64> {
 }
 
 /// Takes the lock of the directory `dir`, kept in `path`; also tells who held it and died.
-pub(crate) fn take(dir: &Path, path: &Path) -> Result<(File, Option<Holder>), RunError> {
-    let io = |e| RunError::io(path, e);
+pub(crate) fn take(dir: &Path, path: &Path) -> Result<(File, Option<Holder>), StoreError> {
+    let io = |e| StoreError::io(path, e);
     let mut file = OpenOptions::new()
         .create(true)
         .read(true)
@@ -83,7 +84,7 @@ pub(crate) fn take(dir: &Path, path: &Path) -> Result<(File, Option<Holder>), Ru
     let _ = file.read_to_string(&mut text);
     let holder = Holder::parse(&text);
     let refuse = |text: String| {
-        Err(RunError::Locked {
+        Err(StoreError::Locked {
             path: dir.to_path_buf(),
             holder: text,
         })

@@ -1,6 +1,7 @@
 //! A run directory on disk: lock, journal, frame logs, truth, atomic files. Depends on `plan`.
 
 pub mod atomic;
+mod error;
 pub mod framelog;
 pub mod journal;
 pub mod lock;
@@ -9,7 +10,7 @@ pub mod status;
 pub mod truth;
 
 pub use atomic::{Durable, write_atomic};
-pub use rundir::RunError;
+pub use error::StoreError;
 
 /// The time now, UTC, RFC 3339 to the second.
 pub(crate) fn utc_now() -> String {

@@ -1,8 +1,7 @@
-//! A run directory: its lock, its atomic writes and its file names; and why a run may end early.
+//! A run directory: its lock, its atomic writes and its file names.
 
-use crate::plan::plan::{FrameLogs, Plan, Unit};
-use crate::plan::shard::fan;
-use crate::report::OutputError;
+use crate::plan::{FrameLogs, Plan, RUN_FORMAT_VERSION, Unit};
+use crate::store::error::StoreError;
 use crate::store::lock::{self, Holder};
 use crate::store::{Durable, write_atomic};
 use serde_json::{Map, Value};
@@ -27,111 +26,6 @@ const TOP_FILES: [&str; 9] = [
 /// Most entries of a folder.
 const FAN_OUT: usize = 10_000;
 
-/// Why a run could not be made, or did not get to its end.
-#[derive(Debug, thiserror::Error)]
-pub enum RunError {
-    /// No tracker or no sequence was asked for.
-    #[error("nothing to run: {0}")]
-    Nothing(&'static str),
-    /// Two different sequences would write the same files.
-    #[error(
-        "two different sequences are both called {0}: give one of the data sets another folder name, or run them apart"
-    )]
-    Ambiguous(String),
-    /// A sequence cannot be evaluated.
-    #[error("{sequence}: {reason}")]
-    Sequence {
-        /// Data set and sequence.
-        sequence: String,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// The directory holds other things.
-    #[error("{0} is neither empty nor a run directory: choose another --out")]
-    NotARunDirectory(PathBuf),
-    /// Another process writes to the directory.
-    #[error("{path} is locked by another run ({holder})", path = .path.display())]
-    Locked {
-        /// The run directory.
-        path: PathBuf,
-        /// Process, host and start time of the other run, as far as known.
-        holder: String,
-    },
-    /// The directory holds no run.
-    #[error("{path} is not a run directory: {reason}", path = .path.display())]
-    NoRun {
-        /// The directory.
-        path: PathBuf,
-        /// What is missing.
-        reason: String,
-    },
-    /// Directories of different runs.
-    #[error("{path} is of another run: {reason}", path = .path.display())]
-    Mismatch {
-        /// The directory.
-        path: PathBuf,
-        /// What differs.
-        reason: String,
-    },
-    /// Asked to stop by a signal; what was finished is kept.
-    #[error("stopped: {done} of {total} units done, nothing lost, run the same command again to go on")]
-    Interrupted {
-        /// Units with a result.
-        done: usize,
-        /// Units requested.
-        total: usize,
-    },
-    /// No space left; what was finished is kept.
-    #[error("no space left on the disk while writing {0}: nothing finished is lost, make room and run again")]
-    DiskFull(PathBuf),
-    /// A file cannot be read or written.
-    #[error("cannot read or write {path}: {source}; choose another --out", path = .path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-    /// A file written by a run cannot be read back.
-    #[error("{path}: damaged ({reason}), run again to replace it", path = .path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// Worker threads cannot be started.
-    #[error("cannot start worker threads: {0}")]
-    Threads(String),
-    /// The result files cannot be made.
-    #[error(transparent)]
-    Output(OutputError),
-}
-
-impl From<OutputError> for RunError {
-    fn from(error: OutputError) -> RunError {
-        match error {
-            OutputError::Io { path, source } => RunError::io(&path, source),
-            other => RunError::Output(other),
-        }
-    }
-}
-
-impl RunError {
-    /// Wraps an error of the system, telling a full disk from other failures.
-    pub fn io(path: &Path, source: io::Error) -> RunError {
-        match source.kind() {
-            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
-                RunError::DiskFull(path.to_path_buf())
-            }
-            _ => RunError::Io {
-                path: path.to_path_buf(),
-                source,
-            },
-        }
-    }
-}
-
 /// A run directory, held under its lock or just looked at.
 #[derive(Debug)]
 pub struct RunDir {
@@ -150,13 +44,13 @@ impl RunDir {
     ///
     /// # Errors
     /// The directory is locked, holds other things than a run, cannot be created or written to, or the disk is full.
-    pub fn open(path: &Path, fresh: bool) -> Result<(RunDir, Option<Holder>), RunError> {
-        fs::create_dir_all(path).map_err(|e| RunError::io(path, e))?;
+    pub fn open(path: &Path, fresh: bool) -> Result<(RunDir, Option<Holder>), StoreError> {
+        fs::create_dir_all(path).map_err(|e| StoreError::io(path, e))?;
         let lock_path = path.join(".lock");
         if !lock_path.exists() && !path.join("journal.jsonl").exists() && !path.join("run.json").exists() {
-            let mut others = fs::read_dir(path).map_err(|e| RunError::io(path, e))?;
+            let mut others = fs::read_dir(path).map_err(|e| StoreError::io(path, e))?;
             if others.next().is_some() {
-                return Err(RunError::NotARunDirectory(path.to_path_buf()));
+                return Err(StoreError::NotARunDirectory(path.to_path_buf()));
             }
         }
         let (lock, dead) = lock::take(path, &lock_path)?;
@@ -198,15 +92,15 @@ impl RunDir {
     ///
     /// # Errors
     /// There is none, or it is of another version of the program's formats.
-    pub fn plan(&self) -> Result<(Plan, Map<String, Value>), RunError> {
-        let no_run = |reason: String| RunError::NoRun {
+    pub fn plan(&self) -> Result<(Plan, Map<String, Value>), StoreError> {
+        let no_run = |reason: String| StoreError::NoRun {
             path: self.path.clone(),
             reason,
         };
         let path = self.path.join("run.json");
         let bytes = match fs::read(&path) {
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Err(no_run("no run.json".into())),
-            other => other.map_err(|e| RunError::io(&path, e))?,
+            other => other.map_err(|e| StoreError::io(&path, e))?,
         };
         let mut value: Map<String, Value> =
             serde_json::from_slice(&bytes).map_err(|e| no_run(format!("run.json: {e}")))?;
@@ -215,7 +109,7 @@ impl RunDir {
             _ => Map::new(),
         };
         match value.get("schema_version").and_then(Value::as_u64) {
-            Some(version) if version == u64::from(crate::plan::plan::SCHEMA_VERSION) => {}
+            Some(version) if version == u64::from(RUN_FORMAT_VERSION) => {}
             _ => return Err(no_run("run.json is of another version of the program".into())),
         }
         let plan =
@@ -224,9 +118,9 @@ impl RunDir {
     }
 
     /// Removes temporary files that a killed run left at the top.
-    fn sweep(&self) -> Result<(), RunError> {
+    fn sweep(&self) -> Result<(), StoreError> {
         for entry in fs::read_dir(&self.path)
-            .map_err(|e| RunError::io(&self.path, e))?
+            .map_err(|e| StoreError::io(&self.path, e))?
             .flatten()
         {
             if entry.file_name().to_string_lossy().ends_with(".tmp") {
@@ -236,9 +130,9 @@ impl RunDir {
         Ok(())
     }
 
-    fn clear(&self) -> Result<(), RunError> {
+    fn clear(&self) -> Result<(), StoreError> {
         let gone = |path: &Path, result: io::Result<()>| match result {
-            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(RunError::io(path, e)),
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(StoreError::io(path, e)),
             _ => Ok(()),
         };
         // The journal goes first: without it nothing else counts, however far this gets.
@@ -293,7 +187,7 @@ impl RunDir {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+    pub fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
         self.put(path, bytes, Durable::Now)
     }
 
@@ -301,11 +195,11 @@ impl RunDir {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn put(&self, path: &Path, bytes: &[u8], durable: Durable) -> Result<(), RunError> {
+    pub fn put(&self, path: &Path, bytes: &[u8], durable: Durable) -> Result<(), StoreError> {
         if fs::read(path).is_ok_and(|old| old == bytes) {
             return Ok(());
         }
-        write_atomic(path, durable, |w| w.write_all(bytes)).map_err(|e| RunError::io(path, e))
+        write_atomic(path, durable, |w| w.write_all(bytes)).map_err(|e| StoreError::io(path, e))
     }
 }
 
@@ -336,21 +230,17 @@ pub fn file_name(name: &str) -> String {
         return kept;
     }
     let short: String = kept.chars().take(LONGEST / 4).collect();
-    format!("{short}-{}", &hex(&Sha256::digest(name.as_bytes()))[..8])
+    format!("{short}-{}", &digest(name.as_bytes())[..8])
 }
 
-/// Lower-case hexadecimal.
-pub(crate) fn hex(bytes: &[u8]) -> String {
-    use std::fmt::Write as _;
-    bytes.iter().fold(String::new(), |mut s, b| {
-        let _ = write!(s, "{b:02x}");
-        s
-    })
+/// First two hexadecimal digits of the hash of a name: where it goes in a folder that has too many entries.
+fn fan(name: &str) -> String {
+    hex::encode(&Sha256::digest(name)[..1])
 }
 
 /// SHA-256 of a file's bytes, hexadecimal.
 pub fn digest(bytes: &[u8]) -> String {
-    hex(&Sha256::digest(bytes))
+    hex::encode(Sha256::digest(bytes))
 }
 
 /// Name of this machine.
@@ -389,7 +279,7 @@ mod tests {
         let (held, dead) = RunDir::open(dir.path(), false).unwrap();
         assert!(dead.is_none());
         match RunDir::open(dir.path(), false) {
-            Err(RunError::Locked { holder, .. }) => {
+            Err(StoreError::Locked { holder, .. }) => {
                 let pid = format!("pid {}", std::process::id());
                 assert!(holder.contains(&pid), "{holder}")
             }
@@ -433,7 +323,7 @@ mod tests {
         fs::write(dir.path().join("thesis.tex"), "x").unwrap();
         assert!(matches!(
             RunDir::open(dir.path(), true),
-            Err(RunError::NotARunDirectory(_))
+            Err(StoreError::NotARunDirectory(_))
         ));
         assert!(dir.path().join("thesis.tex").exists());
     }

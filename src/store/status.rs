@@ -1,10 +1,10 @@
 //! How far a run directory is, whoever writes to it.
 
-use crate::plan::plan::{Keys, Unit};
-use crate::plan::shard::{Shard, Sharding};
+use crate::plan::{Shard, Sharding, Unit, UnitKeys};
+use crate::store::error::StoreError;
 use crate::store::journal::{EntryStatus, Journal};
 use crate::store::lock::Holder;
-use crate::store::rundir::{RunDir, RunError};
+use crate::store::rundir::RunDir;
 use serde::Serialize;
 use serde_json::Value;
 use std::path::Path;
@@ -15,6 +15,7 @@ use time::format_description::well_known::Rfc3339;
 /// Whether somebody works on a directory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Activity {
     /// Its process lives.
     Running,
@@ -63,11 +64,11 @@ pub struct Status {
 ///
 /// # Errors
 /// It is no run directory, or cannot be read.
-pub fn status(path: &Path) -> Result<Status, RunError> {
+pub fn status(path: &Path) -> Result<Status, StoreError> {
     let mut dir = RunDir::view(path);
     let (plan, host) = dir.plan()?;
     dir.lay_out(&plan);
-    let keys = Keys::new(&plan);
+    let keys = UnitKeys::new(&plan);
     let shard: Option<Shard> = host
         .get("shard")
         .and_then(Value::as_str)

@@ -1,9 +1,8 @@
 //! Ground truth of a run's sequences, kept in the run directory (`truth.csv`: data set, sequence, frame, four corners in
 //! px, whether there is a dense grid), so that shards are joined and figures made again where the data is not.
 
-use crate::plan::plan::PlannedSequence;
-use crate::plan::request::Prepared;
-use crate::store::rundir::RunError;
+use crate::plan::{PlannedSequence, Prepared};
+use crate::store::error::StoreError;
 use mtf::geom::Corners;
 use std::collections::HashMap;
 use std::path::Path;
@@ -73,8 +72,8 @@ pub(crate) fn format(sequences: &[PlannedSequence], truth: &[Truth]) -> Vec<u8> 
 ///
 /// # Errors
 /// The file cannot be read or understood.
-pub(crate) fn read(path: &Path, sequences: &[PlannedSequence]) -> Result<Vec<Truth>, RunError> {
-    let bytes = std::fs::read(path).map_err(|e| RunError::io(path, e))?;
+pub(crate) fn read(path: &Path, sequences: &[PlannedSequence]) -> Result<Vec<Truth>, StoreError> {
+    let bytes = std::fs::read(path).map_err(|e| StoreError::io(path, e))?;
     let mut truths: Vec<Truth> = sequences
         .iter()
         .map(|s| Truth {
@@ -89,7 +88,7 @@ pub(crate) fn read(path: &Path, sequences: &[PlannedSequence]) -> Result<Vec<Tru
     let mut reader = csv::Reader::from_reader(bytes.as_slice());
     let mut record = csv::StringRecord::new();
     loop {
-        let damaged = |reason: String| RunError::Damaged {
+        let damaged = |reason: String| StoreError::Damaged {
             path: path.to_path_buf(),
             reason,
         };

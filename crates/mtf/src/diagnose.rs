@@ -10,7 +10,7 @@ use crate::geom::solve::SymMatrix;
 use crate::geom::{Corners, homography};
 use crate::ilm::{IlluminationModel, IlmEntry};
 use crate::image::Image;
-use crate::kernels::{self, Border, Grid2, Jacobian, sample_reference};
+use crate::kernels::{self, Border, Jacobian, sample_reference};
 use crate::params::{Assignment, ParamError, Resolution};
 use crate::ssm::{Gradient, ImageHessian, Increment, JacobianKind, Points, SsmEntry, StateSpaceModel};
 use crate::tracker::TrackError;
@@ -20,6 +20,7 @@ use serde::Serialize;
 
 mod light;
 pub use light::illumination;
+pub(crate) use light::random_state as random_light;
 use light::{random_state, units};
 
 /// Tolerance of gradients: patches are single precision.
@@ -434,10 +435,6 @@ struct Chain<'a> {
     image: &'a Image,
 }
 
-fn plane(image: &Image) -> Grid2<'_> {
-    Grid2::new(image.plane(0), image.width(), image.height(), image.stride())
-}
-
 impl<'a> Chain<'a> {
     fn new(
         am: &AmEntry,
@@ -461,7 +458,7 @@ impl<'a> Chain<'a> {
         let [mut template, mut gx, mut gy] = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
         ssm.warp_into(&mut x, &mut y);
         kernels::sample_gradient(
-            plane(images[0]),
+            images[0].view(0),
             Border::Constant,
             &x,
             &y,
@@ -494,7 +491,7 @@ impl<'a> Chain<'a> {
         let [mut x, mut y, mut v, mut gx, mut gy] = std::array::from_fn(|_| vec![0.0; n]);
         self.ssm.warp_into(&mut x, &mut y);
         kernels::sample_gradient(
-            plane(self.image),
+            self.image.view(0),
             Border::Constant,
             &x,
             &y,
@@ -521,7 +518,7 @@ impl<'a> Chain<'a> {
         self.ssm.update(how, delta)?;
         let value = |i: usize| {
             let [x, y] = self.ssm.point(i);
-            sample_reference::bilinear(&plane(self.image), x, y)
+            sample_reference::bilinear(&self.image.view(0), x, y)
         };
         let mut current: Vec<f64> = (0..self.shape.len()).map(value).collect();
         self.ssm.set_state(&p)?;
@@ -674,7 +671,7 @@ pub fn patch(image: &Image, corners: &Corners, res: Resolution) -> Result<Vec<f3
     let n = res.len();
     let [mut x, mut y, mut v] = std::array::from_fn(|_| vec![0.0; n]);
     ssm.warp_into(&mut x, &mut y);
-    kernels::sample(plane(image), Border::Constant, &x, &y, &mut v);
+    kernels::sample(image.view(0), Border::Constant, &x, &y, &mut v);
     Ok(v)
 }
 

@@ -1,6 +1,7 @@
 //! Rows of the tables of models and methods: what users see of a part that is built by name. Depends on `params` alone.
 
-use crate::params::{Assignment, Built, ParamInfo, Params};
+use crate::params::{Assignment, Built, ParamError, ParamInfo, ParamValue, Params};
+use std::marker::PhantomData;
 
 /// What a part says of itself to be listed and built by name. A model that implements this beside its family's trait can be
 /// added to the registry.
@@ -25,6 +26,16 @@ pub trait Family: Clone {
     const ROLE: &'static str;
     /// Whether members belong to groups. Those of no group are then for analysis, and `all` leaves them out.
     const GROUPED: bool = false;
+
+    /// Whether a member is itself made of others of its family, and so cannot be one of them.
+    fn made_of_others(&self) -> bool {
+        false
+    }
+
+    /// What a parameter that names one of `known` allows, in words.
+    fn names_allowed(_known: &[Entry<Self>]) -> String {
+        format!("a {}", Self::ROLE)
+    }
 }
 
 /// Builds a part from `(name, value)` assignments alone.
@@ -105,5 +116,57 @@ impl<F: Family> Entry<F> {
     /// Whether `name` is its name or an alias.
     pub fn is_called(&self, name: &str) -> bool {
         self.name == name || self.aliases.contains(&name)
+    }
+}
+
+/// Name of a part of family `F`: the parameter of a part that is made of others. Which names there are is known where it is
+/// built ([`find`](Self::find)); the text may be any.
+#[derive(Debug)]
+pub struct NameOf<F>(String, PhantomData<fn() -> F>);
+
+impl<F> Clone for NameOf<F> {
+    fn clone(&self) -> Self {
+        NameOf(self.0.clone(), PhantomData)
+    }
+}
+
+impl<F> PartialEq for NameOf<F> {
+    fn eq(&self, other: &Self) -> bool {
+        self.0 == other.0
+    }
+}
+
+impl<F: Family> NameOf<F> {
+    /// The part of that name.
+    pub fn new(name: &str) -> Self {
+        NameOf(name.to_ascii_lowercase(), PhantomData)
+    }
+
+    /// The row it names, among those that can be part of others.
+    ///
+    /// # Errors
+    /// None has that name. `parameter` is the one whose value the name is.
+    pub fn find<'a>(&self, parameter: &'static str, known: &'a [Entry<F>]) -> Built<&'a Entry<F>> {
+        let found = known.iter().find(|e| e.is_called(&self.0));
+        found
+            .filter(|e| !e.family.made_of_others())
+            .ok_or_else(|| ParamError::Value {
+                name: parameter,
+                value: self.0.clone(),
+                allowed: F::names_allowed(known),
+            })
+    }
+}
+
+impl<F: Family> ParamValue for NameOf<F> {
+    const NAMES: Option<&'static str> = Some(F::ROLE);
+    fn parse(text: &str) -> Option<Self> {
+        (!text.is_empty()).then(|| Self::new(text))
+    }
+    fn text(&self) -> String {
+        self.0.clone()
+    }
+    fn allowed() -> String {
+        F::names_allowed(&[])
     }
 }

@@ -1,14 +1,15 @@
 //! The notation of trackers, before any name is looked up:
 //!
 //! ```text
-//! tracker    = single | composite
-//! single     = name "/" name [ "+" name ] "/" name [ "{" settings "}" ]
-//! composite  = name [ "(" [ tracker { "," tracker } ] [ ";" settings ] ")" ] [ "{" settings "}" ]
+//! tracker    = ( bare | single | composite ) [ "{" settings "}" ]
+//! bare       = name
+//! single     = name "/" name [ "+" name ] "/" name
+//! composite  = name "(" [ tracker { "," tracker } ] [ ";" settings ] ")"
 //! settings   = [ name "=" value { "," name "=" value } ]
 //! ```
 //!
-//! Blanks between words do not matter, nor does the letter case of names; values keep theirs. Errors say where in the text (a byte offset) and what was expected
-//! there. Depends on nothing else in the crate.
+//! Blanks between words do not matter, nor does the letter case of names; values keep theirs. Errors say where in the text
+//! (a byte offset) and what was expected there. Depends on nothing else in the crate.
 
 /// A word of the text and where it stands.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +23,11 @@ pub struct Word {
 /// What a tracker is made of.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Head {
+    /// A name alone: a composite without members, or a search method with the models that are the default.
+    Bare {
+        /// The name.
+        name: Word,
+    },
     /// `sm/am+ilm/ssm`.
     Single {
         /// Search method.
@@ -150,24 +156,24 @@ impl Parser {
                 ilm,
                 ssm,
             }
-        } else {
+        } else if self.take('(') {
             let mut members = Vec::new();
-            if self.take('(') {
-                self.blanks();
-                if !self.rest().starts_with([';', ')']) {
+            self.blanks();
+            if !self.rest().starts_with([';', ')']) {
+                members.push(self.tracker(depth + 1)?);
+                while self.take(',') {
                     members.push(self.tracker(depth + 1)?);
-                    while self.take(',') {
-                        members.push(self.tracker(depth + 1)?);
-                    }
-                }
-                if self.take(';') {
-                    self.settings(')', &mut settings)?;
-                }
-                if !self.take(')') {
-                    return Err(self.fault("',', ';' or ')'"));
                 }
             }
+            if self.take(';') {
+                self.settings(')', &mut settings)?;
+            }
+            if !self.take(')') {
+                return Err(self.fault("',', ';' or ')'"));
+            }
             Head::Composite { name, members }
+        } else {
+            Head::Bare { name }
         };
         if self.take('{') {
             self.settings('}', &mut settings)?;
@@ -215,6 +221,7 @@ mod tests {
             .map(|(n, v)| format!("{}={v}", n.text))
             .collect();
         let head = match &e.head {
+            Head::Bare { name } => name.text.clone(),
             Head::Single { sm, am, ilm, ssm } => {
                 let ilm = ilm.as_ref().map_or(String::new(), |i| format!("+{}", i.text));
                 format!("{}/{}{ilm}/{}", sm.text, am.text, ssm.text)
@@ -235,7 +242,9 @@ mod tests {
                 " ESM / SSD + gb/ Homography { max_iters = 50 , res=25x25 } ",
                 "esm/ssd+gb/homography{max_iters=50,res=25x25}",
             ),
-            ("best", "best(){}"),
+            ("best", "best{}"),
+            ("lmes {res=9}", "lmes{res=9}"),
+            ("best()", "best(){}"),
             ("DFM/x/Y{Model=Net.onnx}", "dfm/x/y{model=Net.onnx}"),
             ("best(; levels=4)", "best(){levels=4}"),
             (
@@ -244,7 +253,7 @@ mod tests {
             ),
             (
                 "grid(flow; ssm=homography, size=10x10){a=1}",
-                "grid(flow(){}){ssm=homography,size=10x10,a=1}",
+                "grid(flow{}){ssm=homography,size=10x10,a=1}",
             ),
         ] {
             assert_eq!(show(&parse(text).unwrap()), canonical);

@@ -4,6 +4,7 @@
 pub mod am;
 pub mod best;
 pub mod compose;
+pub mod conformance;
 pub mod diagnose;
 pub mod entry;
 pub mod estimate;
@@ -13,12 +14,23 @@ pub mod flow;
 pub mod geom;
 pub mod ilm;
 pub mod image;
-pub mod kernels;
+mod kernels;
 pub mod params;
 pub mod registry;
 pub mod sm;
 pub mod ssm;
 pub mod tracker;
+
+pub use kernels::{Jacobian, SimdLevel, simd_level};
+
+/// Kernels for the benches of this workspace to time. No part of the interface.
+#[doc(hidden)]
+pub mod bench_kernels {
+    pub use crate::kernels::{
+        Border, PlaneView, hist, normal_equations, project, sample, sample_gradient, sample_reference,
+        squared_distance, steepest_reference, weighted_normal_equations,
+    };
+}
 
 /// What most programs need.
 pub mod prelude {

@@ -22,6 +22,9 @@ pub struct ParamInfo {
     pub allowed: String,
     /// One-line description.
     pub doc: &'static str,
+    /// The family of parts that its values are names of ("appearance model"), if they are names. Which names there are is
+    /// known to the registry.
+    pub names: Option<&'static str>,
 }
 
 /// A parameter assignment that cannot be made.
@@ -131,6 +134,8 @@ impl<A: Params, B: Params> Params for (A, B) {
 
 /// A type that parameters may have.
 pub trait ParamValue: Sized + Clone + PartialEq {
+    /// The family of parts that values are names of, if they are ([`ParamInfo::names`]).
+    const NAMES: Option<&'static str> = None;
     /// From text; `None` when it is not of this type.
     fn parse(text: &str) -> Option<Self>;
     /// Canonical text.
@@ -193,7 +198,7 @@ impl ParamValue for bool {
     }
 }
 
-/// Sampling grid: columns x rows.
+/// Points in columns and rows: columns x rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Resolution {
     /// Points per row.
@@ -303,6 +308,7 @@ macro_rules! params {
                         allowed
                     },
                     doc: concat!($($doc),+).trim_ascii_start(),
+                    names: <$ty as ParamValue>::NAMES,
                 }),*]
             }
             fn set(&mut self, name: &str, value: &str) -> Result<(), $crate::params::ParamError> {

@@ -2,11 +2,11 @@
 //! table, so a new model is tested by being listed.
 
 use crate::common::{alignment_error, moved};
+use mtf::Jacobian;
 use mtf::am::{AMS, AppearanceModel, Curvature, Normal, PatchShape, Side};
 use mtf::diagnose::Waves;
 use mtf::geom::{Corners, Mat3};
 use mtf::image::{Frame, Image};
-use mtf::kernels::Jacobian;
 use mtf::params::Resolution;
 use mtf::registry::{Registry, Selection};
 use mtf::tracker::TrackError;
@@ -93,6 +93,7 @@ fn assert_sound(am: &mut dyn AppearanceModel, shape: PatchShape, patches: &[&[f3
 
 fn patches_without_content_are_refused_or_give_sound_numbers() {
     for entry in AMS {
+        let mut accepted = 0;
         for (cols, rows) in SHAPES {
             for channels in [1, 3] {
                 let res = Resolution { cols, rows };
@@ -110,10 +111,13 @@ fn patches_without_content_are_refused_or_give_sound_numbers() {
                         am.set_current(c);
                         let what = format!("{}, {res}x{channels}, {template}, {current}", entry.name);
                         assert_sound(&mut *am, shape, &[t, c], &what);
+                        accepted += 1;
                     }
                 }
             }
         }
+        // At least the texture as a template, in gray and in colour, with each patch.
+        assert!(accepted >= 12, "{}: {accepted}", entry.name);
     }
 }
 
@@ -169,6 +173,7 @@ fn trackers_on_bad_frames_and_tiny_grids_fail_or_stay_finite() {
     ];
     let registry = Registry::builtin();
     let list = |s: &str| vec![s.to_owned()];
+    let (mut started, mut answers) = (0, 0);
     for res in ["2x2", "2x30", "30x2", "20x20"] {
         let selection = Selection {
             sm: list("all"),
@@ -187,8 +192,10 @@ fn trackers_on_bad_frames_and_tiny_grids_fail_or_stay_finite() {
             if tracker.init(&still, &quad).is_err() {
                 continue;
             }
+            started += 1;
             for frame in bad.iter().chain([&still]) {
                 if let Ok(update) = tracker.update(frame) {
+                    answers += 1;
                     assert!(update.similarity.is_finite(), "{spec}");
                     assert!(update.corners.is_finite(), "{spec}");
                 }
@@ -206,6 +213,7 @@ fn trackers_on_bad_frames_and_tiny_grids_fail_or_stay_finite() {
             }
         }
     }
+    assert!(started > 300 && answers > started, "{answers} of {started}");
     let one = registry.parse("esm/ssd/homography{res=1x1}");
     let message = one.unwrap_err().to_string();
     assert!(message.starts_with("res=1x1: expected "), "{message}");

@@ -1,7 +1,6 @@
-//! What search methods that sample must satisfy; loops over the registry, so a new entry is tested by being listed.
+//! Search methods that sample, with the parameters and in the places that [`mtf::conformance`] does not try.
 
 use crate::common::{alignment_error, moved, perturbation, rng};
-use mtf::am::{AMS, AppearanceModel};
 use mtf::diagnose::Waves;
 use mtf::geom::{Corners, Mat3, homography};
 use mtf::image::{Frame, Image};
@@ -9,8 +8,6 @@ use mtf::registry::{Registry, Selection, SpecError};
 use mtf::tracker::{TrackError, Tracker};
 
 crate::tests! {
-    every_appearance_model_is_tracked_or_refused;
-    every_warp_is_tracked_or_refused;
     the_seed_decides_everything;
     standing_still_stays_still;
     set_region_keeps_the_template;
@@ -57,43 +54,6 @@ fn all(am: &str, ssm: &str) -> Vec<(String, Box<dyn Tracker>)> {
 fn build(id: &str) -> Box<dyn Tracker> {
     let registry = Registry::builtin();
     registry.build(&registry.parse(id).unwrap()).unwrap()
-}
-
-fn every_appearance_model_is_tracked_or_refused() {
-    let waves = Waves::new(2);
-    let motion = perturbation(&quad(), 3.0, &mut rng(1));
-    let truth = homography::apply_corners(&motion, &quad());
-    let (first, next) = (still(&waves), moved(&waves, SIZE, &motion));
-    for (id, mut tracker) in all("all", "homography") {
-        tracker
-            .init(&first, &quad())
-            .unwrap_or_else(|e| panic!("{id}: {e}"));
-        let update = tracker.update(&next).unwrap_or_else(|e| panic!("{id}: {e}"));
-        let error = alignment_error(&update.corners, &truth);
-        // 600 samples are sparse, and models of information are largest a little beside the truth. Models that see too little
-        // of a patch stay near at best.
-        let name = id.split('/').nth(1).unwrap();
-        let entry = AMS.iter().find(|e| e.name == name).unwrap();
-        let alone = (entry.build)(&[]).unwrap().tracks_alone();
-        assert!(error < if alone { 2.0 } else { 10.0 }, "{id}: {error} px");
-        assert!(update.similarity.is_finite());
-    }
-}
-
-fn every_warp_is_tracked_or_refused() {
-    let waves = Waves::new(3);
-    // Inside every family.
-    let truth = quad().translated(2.6, -1.7);
-    let motion = homography::from_corners(&quad(), &truth).unwrap();
-    let (first, next) = (still(&waves), moved(&waves, SIZE, &motion));
-    for (id, mut tracker) in all("ncc", "all") {
-        tracker
-            .init(&first, &quad())
-            .unwrap_or_else(|e| panic!("{id}: {e}"));
-        let update = tracker.update(&next).unwrap_or_else(|e| panic!("{id}: {e}"));
-        let error = alignment_error(&update.corners, &truth);
-        assert!(error < 1.0, "{id}: {error} px");
-    }
 }
 
 fn the_seed_decides_everything() {

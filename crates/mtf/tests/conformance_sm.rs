@@ -1,4 +1,4 @@
-//! What every search method must satisfy; loops over the registry, so a new entry is tested by being listed.
+//! Search methods that follow gradients, with the parameters and in the places that [`mtf::conformance`] does not try.
 
 use crate::common::{alignment_error, moved, perturbation};
 use mtf::am::AppearanceModel;
@@ -8,15 +8,12 @@ use mtf::registry::{Registry, Selection};
 use mtf::tracker::{Stop, TrackError, Tracker};
 
 crate::tests! {
-    recovers_random_homographies;
     every_hessian_and_option_recovers_small_motion;
     steepest_ascent_gets_there;
     hessian_after_convergence_needs_the_truth;
     standing_still_stays_still_and_repeats_exactly;
     levenberg_marquardt_never_ends_below_its_start;
     set_region_keeps_the_template;
-    failures_are_typed_and_leave_the_tracker_usable;
-    every_warp_recovers_its_own_motion;
 }
 
 const SIZE: (usize, usize) = (240, 200);
@@ -61,39 +58,6 @@ fn still(waves: &Waves) -> mtf::image::Frame {
     moved(waves, SIZE, &Mat3::identity())
 }
 
-fn recovers_random_homographies() {
-    for seed in 0..4 {
-        let waves = Waves::new(seed);
-        let mut r = crate::common::rng(seed);
-        let motion = perturbation(&quad(), 3.0 + seed as f64, &mut r);
-        let truth = homography::apply_corners(&motion, &quad());
-        let next = moved(&waves, SIZE, &motion);
-        let mut results = Vec::new();
-        for (id, mut tracker) in all(&[("max_iters", "60"), ("epsilon", "1e-9")]) {
-            if !model(&id).tracks_alone() || id.starts_with(SLOW) {
-                continue;
-            }
-            tracker.init(&still(&waves), &quad()).unwrap();
-            let update = tracker.update(&next).unwrap_or_else(|e| panic!("{id}: {e}"));
-            let error = alignment_error(&update.corners, &truth);
-            assert!(
-                error < 0.01,
-                "{id}, seed {seed}: {error} px after {} iterations",
-                update.iterations
-            );
-            results.push((id, update.corners));
-        }
-        // All methods end in the same place.
-        for (id, c) in &results[1..] {
-            assert!(
-                alignment_error(c, &results[0].1) < 0.01,
-                "{id} and {}",
-                results[0].0
-            );
-        }
-    }
-}
-
 fn every_hessian_and_option_recovers_small_motion() {
     let waves = Waves::new(21);
     let motion = perturbation(&quad(), 1.5, &mut crate::common::rng(2));
@@ -101,6 +65,7 @@ fn every_hessian_and_option_recovers_small_motion() {
     let (first, next) = (still(&waves), moved(&waves, SIZE, &motion));
     let registry = Registry::builtin();
     let methods = registry.sms().iter().filter(|e| e.groups.contains(&"gradient"));
+    let mut tracked = 0;
     for sm in methods.filter(|e| e.name != SLOW) {
         for hess in [
             "initial_self",
@@ -135,10 +100,12 @@ fn every_hessian_and_option_recovers_small_motion() {
                     let update = tracker.update(&next).unwrap_or_else(|e| panic!("{id}: {e}"));
                     let error = alignment_error(&update.corners, &truth);
                     assert!(error < 0.02, "{id}: {error} px after {}", update.iterations);
+                    tracked += 1;
                 }
             }
         }
     }
+    assert!(tracked > 600, "{tracked}");
 }
 
 fn steepest_ascent_gets_there() {
@@ -213,6 +180,7 @@ fn standing_still_stays_still_and_repeats_exactly() {
 
 fn levenberg_marquardt_never_ends_below_its_start() {
     let waves = Waves::new(5);
+    let (mut tried, mut judged) = (0, 0);
     for seed in 0..6 {
         // Far beyond the basin: the search fails, but not downwards.
         let motion = perturbation(&quad(), 25.0, &mut crate::common::rng(seed));
@@ -221,6 +189,7 @@ fn levenberg_marquardt_never_ends_below_its_start() {
             if !model(&id).similarity_is_merit() {
                 continue;
             }
+            tried += 1;
             tracker.init(&still(&waves), &quad()).unwrap();
             let mut stuck = Registry::builtin()
                 .build(
@@ -243,9 +212,11 @@ fn levenberg_marquardt_never_ends_below_its_start() {
                 stuck.set_region(&u.corners).unwrap();
                 let end = stuck.update(&next).map_or(f64::NEG_INFINITY, |u| u.similarity);
                 assert!(end >= start - 1e-4 * start.abs(), "{id}: {start} -> {end}");
+                judged += 1;
             }
         }
     }
+    assert!(tried > 300 && 2 * judged > tried, "{judged} of {tried}");
 }
 
 fn set_region_keeps_the_template() {
@@ -288,89 +259,5 @@ fn set_region_keeps_the_template() {
             "{spec}: {}",
             alignment_error(&update.corners, &truth)
         );
-    }
-}
-
-fn failures_are_typed_and_leave_the_tracker_usable() {
-    use mtf::image::{Frame, Image};
-    let waves = Waves::new(6);
-    let flat = || Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, |_, _| 90.0));
-    let poisoned = || Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, |_, _| f32::NAN));
-    for (id, mut tracker) in all(&[]) {
-        assert!(
-            matches!(tracker.update(&still(&waves)), Err(TrackError::NotInitialised)),
-            "{id}"
-        );
-        assert!(
-            matches!(tracker.init(&flat(), &quad()), Err(TrackError::Template(_))),
-            "{id}"
-        );
-        assert!(
-            matches!(tracker.init(&poisoned(), &quad()), Err(TrackError::NotFinite(_))),
-            "{id}"
-        );
-        let away = quad().translated(5000.0, 0.0);
-        assert!(
-            matches!(tracker.init(&still(&waves), &away), Err(TrackError::Outside)),
-            "{id}"
-        );
-        let tiny = Corners::rect(50.0, 50.0, 0.5, 0.5);
-        assert!(
-            matches!(tracker.init(&still(&waves), &tiny), Err(TrackError::BadRegion(_))),
-            "{id}"
-        );
-        tracker.init(&still(&waves), &quad()).unwrap();
-        assert!(tracker.update(&poisoned()).is_err(), "{id}");
-        // A featureless frame gives no direction, or a wrong one, but never a number that is not finite.
-        let _ = tracker.update(&flat());
-        assert!(tracker.corners().is_finite(), "{id}");
-        tracker.set_region(&quad()).unwrap();
-        let update = tracker.update(&still(&waves)).unwrap();
-        assert!(alignment_error(&update.corners, &quad()) < 0.01, "{id}");
-    }
-}
-
-/// Motion inside a warp's family is found exactly by every Lucas-Kanade method that accepts the warp.
-fn every_warp_recovers_its_own_motion() {
-    use mtf::ssm::{SSMS, StateSpaceModel};
-    use rand::RngExt;
-    let registry = Registry::builtin();
-    let waves = Waves::new(13);
-    for entry in SSMS {
-        let mut ssm: Box<dyn StateSpaceModel> = (entry.build)(&[]).unwrap();
-        let res = mtf::params::Resolution { cols: 50, rows: 50 };
-        ssm.init(&quad(), res).unwrap();
-        // Warps that no matrix describes are tested on their own; here they follow a translation.
-        let rigid = ssm.capabilities().compositional;
-        let mut r = crate::common::rng(31);
-        let state = |r: &mut rand_pcg::Pcg64| -> Vec<f64> {
-            (0..ssm.dof()).map(|_| r.random_range(-0.035..0.035)).collect()
-        };
-        let truth = if rigid {
-            let p = state(&mut r);
-            ssm.set_state(&p).unwrap();
-            ssm.corners()
-        } else {
-            quad().translated(1.7, -1.2)
-        };
-        let motion = homography::from_corners(&quad(), &truth).unwrap();
-        let next = moved(&waves, SIZE, &motion);
-        for sm in ["falk", "ialk", "fclk", "iclk", "esm", "aesm", "hesm"] {
-            let spec = registry
-                .parse(&format!("{sm}/ssd/{}{{max_iters=100,epsilon=1e-9}}", entry.name))
-                .unwrap();
-            let Ok(mut tracker) = registry.build(&spec) else {
-                assert!(!rigid, "{spec}");
-                continue;
-            };
-            tracker.init(&still(&waves), &quad()).unwrap();
-            let update = tracker.update(&next).unwrap_or_else(|e| panic!("{spec}: {e}"));
-            let error = alignment_error(&update.corners, &truth);
-            assert!(
-                error < 0.02,
-                "{spec}: {error} px after {} iterations",
-                update.iterations
-            );
-        }
     }
 }

@@ -3,6 +3,7 @@
 mod allocations;
 mod bad_patches;
 mod common;
+mod conformance;
 mod conformance_am;
 mod conformance_sampling_search;
 mod conformance_sm;
@@ -19,6 +20,7 @@ fn main() -> std::process::ExitCode {
         TESTS,
         allocations::TESTS,
         bad_patches::TESTS,
+        conformance::TESTS,
         conformance_am::TESTS,
         conformance_sampling_search::TESTS,
         conformance_sm::TESTS,

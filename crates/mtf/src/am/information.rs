@@ -26,7 +26,7 @@
 //! search method; `f` is no merit function for them ([`AppearanceModel::similarity_is_merit`]). `centred=0` gives the
 //! derivatives of `f` itself.
 //!
-//! Everything is accumulated as polynomials per bucket ([`kernels::hist`]); nothing grows with the square of `n`.
+//! Everything is accumulated as polynomials per bucket (kernels::hist); nothing grows with the square of `n`.
 
 mod joint;
 mod sums;

@@ -67,10 +67,10 @@ pub use ssim::Ssim;
 pub use sum::Sum;
 pub use zncc::Zncc;
 
-use crate::entry::{Build, Entry, Family, Part};
+use crate::entry::{Build, Entry, Family, NameOf, Part};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
-use crate::params::{Assignment, Params, Resolution};
+use crate::params::{Assignment, Built, Params, Resolution};
 use crate::tracker::TrackError;
 use dyn_clone::DynClone;
 
@@ -94,7 +94,7 @@ pub const AMS: &[AmEntry] = &[
     AmEntry::of::<Kld>().plain_with(&[("damping", "0")]),
     AmEntry::of::<Lkld>().plain_with(&[("damping", "0")]),
     AmEntry::of::<Ngf>().plain_with(&[("centred", "0"), ("ngf_eta", "20")]),
-    AmEntry::of::<Sum>(),
+    sum::ENTRY,
     AmEntry::of::<Dfm>(),
 ];
 
@@ -394,12 +394,30 @@ pub struct AmFamily {
     /// Assignments under which the derivatives are those of [`reference`](AppearanceModel::reference), and nothing in the
     /// model depends on the template but the template itself. Empty where that is so by default.
     pub plain: &'static [Assignment<'static>],
+    /// Of a model that is made of others, which its parameters name ([`AmName`]): builds it when more are known than the parts
+    /// that it has by default.
+    pub join: Option<JoinAm>,
 }
+
+/// Builds a model that is made of others from `(name, value)` assignments and the rows that may be named there.
+pub type JoinAm = fn(&[Assignment<'_>], &[AmEntry]) -> Built<Box<dyn AppearanceModel>>;
 
 impl Family for AmFamily {
     type Build = Build<Box<dyn AppearanceModel>>;
     const ROLE: &'static str = "appearance model";
+
+    fn made_of_others(&self) -> bool {
+        self.join.is_some()
+    }
+
+    fn names_allowed(known: &[AmEntry]) -> String {
+        let parts = known.iter().filter(|e| !e.family.made_of_others());
+        parts.map(|e| e.name).collect::<Vec<_>>().join(", ")
+    }
 }
+
+/// An appearance model by its name, as a parameter of models that are made of others.
+pub type AmName = NameOf<AmFamily>;
 
 /// A row of the table of appearance models.
 pub type AmEntry = Entry<AmFamily>;
@@ -409,8 +427,26 @@ impl AmEntry {
     pub const fn of<M: AppearanceModel + Part>() -> Self {
         Entry::of_part::<M>(
             |a| Ok(Box::new(M::new(M::Params::from_assignments(a)?))),
-            AmFamily { plain: &[] },
+            AmFamily {
+                plain: &[],
+                join: None,
+            },
         )
+    }
+
+    /// Builds the model, which may be made of those `known`.
+    ///
+    /// # Errors
+    /// A value is not allowed, or names a model that is not known.
+    pub fn model(
+        &self,
+        assignments: &[Assignment<'_>],
+        known: &[AmEntry],
+    ) -> Built<Box<dyn AppearanceModel>> {
+        match self.family.join {
+            Some(join) => join(assignments, known),
+            None => (self.build)(assignments),
+        }
     }
 
     /// The same with assignments under which its derivatives can be checked ([`AmFamily::plain`]).

@@ -8,49 +8,22 @@
 //! `-f_j` does between the template and a distorted copy; members whose distance is an affine function of their `f` (all
 //! correlation and difference measures) are then ordered exactly as the sum orders them.
 
-use super::{AMS, AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
-use crate::entry::Part;
+use super::{
+    AmEntry, AmFamily, AmName, AppearanceModel, Capabilities, Curvature, Metric, Ncc, Normal, PatchShape,
+    Side, Ssd,
+};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::Jacobian;
-use crate::params::ParamValue;
+use crate::params::{Assignment, Built, Params};
 use crate::tracker::TrackError;
-
-/// Name of a model that may be part of a sum: any of the table but the sum itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Member(&'static str);
-
-impl Member {
-    fn names() -> impl Iterator<Item = &'static str> {
-        AMS.iter().map(|e| e.name).filter(|&n| n != Sum::NAME)
-    }
-
-    fn build(self) -> Box<dyn AppearanceModel> {
-        let entry = AMS.iter().find(|e| e.name == self.0).expect("names of the table");
-        (entry.build)(&[]).expect("defaults are valid")
-    }
-}
-
-impl ParamValue for Member {
-    fn parse(text: &str) -> Option<Self> {
-        let text = text.to_ascii_lowercase();
-        let entry = AMS.iter().find(|e| e.is_called(&text))?;
-        (entry.name != Sum::NAME).then_some(Member(entry.name))
-    }
-    fn text(&self) -> String {
-        self.0.to_owned()
-    }
-    fn allowed() -> String {
-        Self::names().collect::<Vec<_>>().join(", ")
-    }
-}
 
 crate::params! {
     /// Parameters of [`Sum`].
     pub struct SumParams {
         /// First model.
-        am1: Member = Member("ssd");
+        am1: AmName = AmName::new("ssd");
         /// Second model.
-        am2: Member = Member("ncc");
+        am2: AmName = AmName::new("ncc");
     }
 }
 
@@ -71,29 +44,44 @@ pub struct Sum {
     normal: Normal,
 }
 
-impl Part for Sum {
-    type Params = SumParams;
-    const NAME: &'static str = "sum";
-    const ALIASES: &'static [&'static str] = &["sumofams"];
-    const SUMMARY: &'static str = "weighted sum of two models (am1, am2)";
-    fn new(params: SumParams) -> Self {
-        let part = |m: Member| Addend {
-            am: m.build(),
-            weight: 1.0,
-            distance: 1.0,
-        };
-        Sum {
-            parts: [part(params.am1), part(params.am2)],
-            scratch: Vec::new(),
-            normal: Normal::new(0),
-        }
-    }
+/// The table row.
+pub(super) const ENTRY: AmEntry = AmEntry::new::<SumParams>(
+    "sum",
+    "weighted sum of two models (am1, am2)",
+    // Alone it knows the parts that it has by default.
+    |a| join(a, &[AmEntry::of::<Ssd>(), AmEntry::of::<Ncc>()]),
+    AmFamily {
+        plain: &[],
+        join: Some(join),
+    },
+)
+.also(&["sumofams"]);
+
+/// The sum of two of the models that are known, with their default parameters.
+fn join(assignments: &[Assignment<'_>], known: &[AmEntry]) -> Built<Box<dyn AppearanceModel>> {
+    let SumParams { am1, am2 } = SumParams::from_assignments(assignments)?;
+    let (first, second) = (am1.find("am1", known)?, am2.find("am2", known)?);
+    Ok(Box::new(Sum::of((first.build)(&[])?, (second.build)(&[])?)))
 }
 
 /// Most parameters a Jacobian may have without allocation in the hot path.
 const MAX_DOF: usize = 16;
 
 impl Sum {
+    /// The sum of two models.
+    pub fn of(first: Box<dyn AppearanceModel>, second: Box<dyn AppearanceModel>) -> Self {
+        let addend = |am| Addend {
+            am,
+            weight: 1.0,
+            distance: 1.0,
+        };
+        Sum {
+            parts: [addend(first), addend(second)],
+            scratch: Vec::new(),
+            normal: Normal::new(0),
+        }
+    }
+
     /// Both members' Hessians, weighted.
     fn add_hessians(
         &mut self,
@@ -266,27 +254,22 @@ impl AppearanceModel for Sum {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::params::Params;
+    use crate::am::AMS;
 
     #[test]
-    fn members_are_models_of_the_table_but_not_the_sum() {
-        let p = SumParams::from_assignments(&[("am1", "zncc"), ("am2", "lrsc")]).unwrap();
-        assert_eq!(
-            (p.get("am1").unwrap(), p.get("am2").unwrap()),
-            ("zncc".into(), "lrscv".into())
-        );
-        let error = SumParams::from_assignments(&[("am1", "sum")]).unwrap_err();
-        assert!(
-            error.to_string().starts_with("am1=sum: expected ssd, "),
-            "{error}"
-        );
-        assert!(SumParams::from_assignments(&[("am2", "nothing")]).is_err());
+    fn parts_are_the_models_that_are_known_but_no_sum() {
+        let built = |am1: &str, known: &[AmEntry]| ENTRY.model(&[("am1", am1)], known).map(|_| ());
+        assert_eq!(built("zncc", AMS), Ok(()));
+        assert_eq!(built("LRSC", AMS), Ok(()));
+        let error = built("sum", AMS).unwrap_err().to_string();
+        assert!(error.starts_with("am1=sum: expected ssd, "), "{error}");
+        assert!(!error.contains("sum,"), "{error}");
+        assert!(built("zncc", &AMS[..1]).is_err());
     }
 
     #[test]
     fn a_member_without_derivatives_leaves_none_to_the_sum() {
-        let p = SumParams::from_assignments(&[("am1", "sad")]).unwrap();
-        let c = Sum::new(p).capabilities();
+        let c = ENTRY.model(&[("am1", "sad")], AMS).unwrap().capabilities();
         assert!(!c.derivatives && c.symmetric && c.metric == Metric::Other);
     }
 }

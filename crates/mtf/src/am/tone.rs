@@ -386,7 +386,7 @@ mod tests {
                 assert_eq!(m.windows.len(), side * side);
                 let last = m.windows[side * side - 1];
                 assert_eq!((last.x + last.cols, last.y + last.rows), (cols, rows));
-                assert!(!last.is_empty() && m.windows[0].x == 0);
+                assert!(last.len() > 0 && m.windows[0].x == 0);
             }
         }
     }

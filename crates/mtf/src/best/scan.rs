@@ -1,6 +1,6 @@
 //! The template, turned and scaled, compared block by block with a coarse level of the image at every place there.
 
-use super::view::{Base, plane};
+use super::view::Base;
 use crate::geom::{Corners, Mat3, homography};
 use crate::image::Frame;
 use crate::kernels::{self, Border, SCAN_SLACK};
@@ -118,7 +118,7 @@ impl Scanner {
         self.ty.extend(self.points.iter().map(|p| p.2[1]));
         self.value.resize(self.points.len(), 0.0);
         kernels::sample(
-            plane(image),
+            image.view(0),
             Border::Replicate,
             &self.tx,
             &self.ty,

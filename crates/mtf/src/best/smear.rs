@@ -3,7 +3,7 @@
 //! If the object's pose was `A` in the frame before and is `B` now, then a pixel that shows `B x` has seen the template at
 //! `x + τ (A⁻¹ B x - x)`, `τ` from `-e/2` to `e/2`, with the exposure `e` as a fraction of the time between frames.
 
-use super::view::{Base, TEMPLATE, View, WARP, columns, plane};
+use super::view::{Base, TEMPLATE, View, WARP, columns};
 use crate::geom::{Mat3, homography};
 use crate::image::Frame;
 use crate::kernels::{self, Border, Covectors};
@@ -123,7 +123,7 @@ impl Smear {
                 self.y[i] = centre[1] + scale * view.y[i] + t * self.ways[i][1];
             }
             let [value, gx, gy] = &mut self.sample;
-            kernels::sample_gradient(plane(image), Border::Replicate, &self.x, &self.y, value, gx, gy);
+            kernels::sample_gradient(image.view(0), Border::Replicate, &self.x, &self.y, value, gx, gy);
             for (sum, sample) in self.sum.iter_mut().zip(&self.sample) {
                 sum.iter_mut().zip(sample).for_each(|(s, v)| *s += v);
             }

@@ -2,7 +2,7 @@
 
 use crate::geom::{Corners, homography};
 use crate::image::{Frame, Image};
-use crate::kernels::{self, Border, Column, Covectors, Grid2, Jacobian};
+use crate::kernels::{self, Border, Column, Covectors, Jacobian};
 
 /// Parameters of the homography group about the identity: every entry of the matrix but the last.
 pub(super) const WARP: usize = 8;
@@ -80,11 +80,6 @@ pub(super) struct View {
     pub own: Jacobian,
     /// The same averaged with those of an image, the image, the template, and ones.
     pub work: Jacobian,
-}
-
-/// The image at a level as the sampling kernels take it.
-pub(super) fn plane(image: &Image) -> Grid2<'_> {
-    Grid2::new(image.plane(0), image.width(), image.height(), image.stride())
 }
 
 /// The eight entries of the matrix of the homography group.
@@ -174,7 +169,7 @@ impl View {
             return None;
         }
         let (mut value, mut gx, mut gy) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        let grid = plane(image);
+        let grid = image.view(0);
         kernels::sample_gradient(grid, Border::Replicate, &px, &py, &mut value, &mut gx, &mut gy);
         let to_base = |v: f32, c: usize| ((f64::from(v) * unit - base.centre[c]) / base.unit) as f32;
         let x: Vec<f32> = px.iter().map(|&v| to_base(v, 0)).collect();

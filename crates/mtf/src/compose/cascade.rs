@@ -3,10 +3,14 @@
 //!
 //! The answer is that of the last layer that had one. A layer whose answer is none (it threw) is passed over.
 
+use super::entry::{CompositeEntry, CompositeFamily, build_all};
 use super::history::{History, Recall};
+use super::members::Members;
 use crate::geom::Corners;
 use crate::image::Frame;
+use crate::params::Params;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
+use std::sync::Arc;
 
 crate::params! {
     /// Parameters of [`Cascade`].
@@ -22,25 +26,34 @@ crate::params! {
     }
 }
 
+/// The table row.
+pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<CascadeParams>(
+    "cascade",
+    "one after the other, each from where the one before ended",
+    |a, parts| {
+        let (params, layers) = (CascadeParams::from_assignments(a)?, parts.makes());
+        Ok(Arc::new(move || {
+            Ok(Box::new(Cascade::new(params.clone(), build_all(&layers)?)))
+        }))
+    },
+    CompositeFamily { members: (1, 16) },
+)
+.also(&["casc"]);
+
 /// Trackers in sequence.
 pub struct Cascade {
     params: CascadeParams,
-    layers: Vec<Box<dyn Tracker>>,
+    layers: Members,
     history: History,
 }
 
 impl Cascade {
     /// From its layers, at least one, in their order.
     pub fn new(params: CascadeParams, layers: Vec<Box<dyn Tracker>>) -> Self {
-        let history = History::new(if params.auto_reinit {
-            params.reinit_frame_gap
-        } else {
-            0
-        });
         Cascade {
+            history: History::new(params.auto_reinit, params.reinit_frame_gap),
             params,
-            layers,
-            history,
+            layers: Members::new(layers),
         }
     }
 
@@ -49,7 +62,7 @@ impl Cascade {
         let mut answer: Option<Update> = None;
         let mut error = TrackError::NotInitialised;
         let mut doubt = false;
-        for layer in &mut self.layers {
+        for layer in self.layers.iter_mut() {
             let started = answer.map_or(Ok(()), |a| layer.set_region(&a.corners));
             match started.and_then(|()| layer.update(frame)) {
                 Ok(mut update) => {
@@ -82,9 +95,7 @@ impl Cascade {
 
 impl Recall for Cascade {
     fn restart(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
-        self.layers
-            .iter_mut()
-            .try_for_each(|layer| layer.init(frame, corners))
+        self.layers.init(frame, corners)
     }
 
     fn step(&mut self, frame: &Frame) -> (Result<Update, TrackError>, bool) {
@@ -108,16 +119,12 @@ impl Tracker for Cascade {
     }
 
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
-        self.layers
-            .iter_mut()
-            .try_for_each(|layer| layer.set_region(corners))
+        self.layers.set_region(corners)
     }
 
     fn skip(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         self.history.keep(frame, corners);
-        self.layers
-            .iter_mut()
-            .try_for_each(|layer| layer.skip(frame, corners))
+        self.layers.skip(frame, corners)
     }
 
     fn corners(&self) -> Corners {
@@ -131,18 +138,18 @@ impl Tracker for Cascade {
     }
 
     fn reseed(&mut self, seed: u64) {
-        super::reseed_members(&mut self.layers, seed);
+        self.layers.reseed(seed);
     }
 
     fn set_threads(&mut self, threads: usize) {
-        self.layers.iter_mut().for_each(|m| m.set_threads(threads));
+        self.layers.set_threads(threads);
     }
 
     fn channels(&self) -> usize {
-        super::channels(&self.layers)
+        self.layers.channels()
     }
 
     fn memory(&self) -> usize {
-        self.layers.iter().map(|l| l.memory()).sum::<usize>() + self.history.memory()
+        self.layers.memory() + self.history.memory()
     }
 }

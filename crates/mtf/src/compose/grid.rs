@@ -1,15 +1,19 @@
 //! A grid of small trackers of any kind, and one warp fitted to where they go.
 
-use super::line::Lines;
-use super::nodes::{NodeParams, Nodes};
+use super::entry::{CompositeEntry, CompositeFamily, Refused};
+use super::flow_grid::{self, FlowSettings};
+use super::nodes::{NodeParams, Nodes, PointSettings};
+use super::seed::{self, Apart};
+use super::straighten::Lines;
 use crate::estimate::EstimatorParams;
 use crate::flow::Texture;
 use crate::geom::{Corners, homography};
 use crate::image::Frame;
-use crate::params::{Resolution, param_enum};
+use crate::params::{Params, Resolution, param_enum};
 use crate::ssm::StateSpaceModel;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 param_enum! {
     /// What happens to the patches after each frame.
@@ -46,6 +50,41 @@ crate::params! {
         grid_min_eigen: f64 = 0.1, in 0.0..=1e6;
     }
 }
+
+pub(super) type GridSettings = (PatchParams, PointSettings);
+
+/// The table row: a grid of trackers, or of points where the member is `flow`.
+pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<GridSettings>(
+    "grid",
+    "patches around the nodes of a grid, and one warp fitted to their motion; of a tracker each, or grid(flow)",
+    |a, parts| {
+        let (patches, points) = GridSettings::from_assignments(a)?;
+        let member = &parts.members[0];
+        if member.kind == flow_grid::ENTRY.name {
+            let of_patches = |name: &str| PatchParams::info().iter().any(|i| i.name == name);
+            if let Some((name, _)) = a.iter().find(|(name, _)| of_patches(name)) {
+                return Err(Refused::Unfit(format!(
+                    "{name} is of no use to grid(flow), whose points have klt_window"
+                )));
+            }
+            let (klt, _) = FlowSettings::from_assignments(&member.assignments)?;
+            return flow_grid::make(klt, points, parts);
+        }
+        let (nodes, (estimator, warp)) = points;
+        let (warp, patch) = (parts.warp("ssm", &warp.ssm)?, Arc::clone(&member.make));
+        Ok(Arc::new(move || {
+            let (nodes, patches, estimator) = (nodes.clone(), patches.clone(), estimator.clone());
+            Ok(Box::new(Grid::new(
+                nodes,
+                patches,
+                estimator,
+                warp.build()?,
+                || patch(),
+            )?))
+        }))
+    },
+    CompositeFamily { members: (1, 1) },
+);
 
 /// Patches are left out as long as there are this many times as many as determine the warp.
 const ENOUGH: usize = 3;
@@ -84,6 +123,9 @@ pub struct Grid<S> {
 
 impl<S: StateSpaceModel> Grid<S> {
     /// With all parameters and `member`, which builds one patch tracker.
+    ///
+    /// # Errors
+    /// Those of `member`.
     pub fn new<E>(
         nodes: NodeParams,
         params: PatchParams,
@@ -408,8 +450,7 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
         self.nodes.reseed(seed);
         let members = self.members.iter_mut().chain([&mut self.back]);
         for (member, i) in members.zip(1u64..) {
-            // Multiples of an odd number are distinct.
-            member.reseed(seed.wrapping_add(i.wrapping_mul(0x9e37_79b9_7f4a_7c15)));
+            member.reseed(seed::of_member(seed, i, Apart::Spaced));
         }
     }
 

@@ -3,13 +3,16 @@
 //! Confidence is the normalised cross-correlation (zero mean) of the region in the first frame and in the present one, both
 //! seen through the homography of their corners: in [-1, 1] whatever appearance model the tracker compares by.
 
+use super::entry::{CompositeEntry, CompositeFamily};
+use super::seed::{self, Apart};
 use crate::am::Ncc;
 use crate::geom::Corners;
 use crate::image::Frame;
-use crate::params::Resolution;
+use crate::params::{Params, Resolution};
 use crate::sm::{Probe, SamplingParams};
 use crate::ssm::Homography;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
+use std::sync::Arc;
 
 crate::params! {
     /// Parameters of [`Guard`].
@@ -22,6 +25,24 @@ crate::params! {
         guard_reset: bool = true;
     }
 }
+
+/// The table row.
+pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<GuardParams>(
+    "guard",
+    "a tracker that is put back, or found again by a second member, when it no longer looks like the object",
+    |a, parts| {
+        let params = GuardParams::from_assignments(a)?;
+        let (tracker, detector) = (
+            Arc::clone(&parts.members[0].make),
+            parts.members.get(1).map(|m| Arc::clone(&m.make)),
+        );
+        Ok(Arc::new(move || {
+            let detector = detector.as_ref().map(|make| make()).transpose()?;
+            Ok(Box::new(Guard::new(params.clone(), tracker()?, detector)))
+        }))
+    },
+    CompositeFamily { members: (1, 2) },
+);
 
 /// Samples per side by which confidence is judged.
 const SIDE: usize = 30;
@@ -161,8 +182,7 @@ impl Tracker for Guard {
     fn reseed(&mut self, seed: u64) {
         self.tracker.reseed(seed);
         if let Some(detector) = &mut self.detector {
-            // Apart from the tracker's.
-            detector.reseed(seed ^ 0x9e37_79b9_7f4a_7c15);
+            detector.reseed(seed::of_member(seed, 1, Apart::Flipped));
         }
     }
 

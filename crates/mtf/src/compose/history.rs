@@ -13,8 +13,9 @@ pub(super) struct History {
 }
 
 impl History {
-    /// Keeps `gap` frames; none when it is 0.
-    pub fn new(gap: usize) -> Self {
+    /// Keeps the last `gap` frames, or none where nothing is to be started anew.
+    pub fn new(wanted: bool, gap: usize) -> Self {
+        let gap = if wanted { gap } else { 0 };
         History {
             gap,
             frames: VecDeque::with_capacity(gap),

@@ -3,6 +3,7 @@
 //! Nodes are fixed places of the object: the fit is always between where they were when the warp's state was zero and
 //! where they have been found, so that nothing is composed from frame to frame but what the nodes themselves carry.
 
+use super::entry::WarpParams;
 use crate::estimate::{Estimator, EstimatorParams};
 use crate::geom::{Corners, Mat3, homography};
 use crate::image::Frame;
@@ -21,6 +22,9 @@ crate::params! {
         grid_fb: f64 = 0.0, in 0.0..=1e6;
     }
 }
+
+/// What all trackers by nodes have in common.
+pub(super) type PointSettings = (NodeParams, (EstimatorParams, WarpParams));
 
 /// Largest RMS misfit, px, at which a region that is set keeps the base frame.
 const KEEP_BASE: f64 = 0.5;

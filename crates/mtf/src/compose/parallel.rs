@@ -1,16 +1,19 @@
 //! Parallel: trackers side by side from the same place; the answer is a mean of theirs (Singh & Jagersand, *Modular Tracking
 //! Framework*, composite trackers). Members without an answer do not count.
 
+use super::entry::{CompositeEntry, CompositeFamily, build_all};
 use super::history::{History, Recall};
+use super::members::Members;
 use crate::geom::Corners;
 use crate::image::Frame;
-use crate::params::{Resolution, param_enum};
-use crate::ssm::{self, StateSpaceModel};
+use crate::params::{Params, Resolution, param_enum};
+use crate::ssm::{self, SsmName, StateSpaceModel};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
+use std::sync::Arc;
 
 param_enum! {
     /// How the members' answers become one.
-    pub enum ParallelEstimate {
+    pub enum Combination {
         /// Mean of each corner.
         MeanCorners = "mean_corners",
         /// Median of each coordinate of each corner: up to half of the members may be wrong.
@@ -24,9 +27,9 @@ crate::params! {
     /// Parameters of [`Parallel`].
     pub struct ParallelParams {
         /// Combination of the answers: mean_corners, median_corners or mean_states.
-        estimate: ParallelEstimate = ParallelEstimate::MeanCorners;
+        estimate: Combination = Combination::MeanCorners;
         /// State space model of mean_states.
-        state_ssm: ssm::SsmName = ssm::SsmName::default();
+        state_ssm: SsmName = SsmName::default();
         /// All members start from the common answer in the next frame.
         reset_to_mean: bool = true;
         /// Start anew from a frame before when a member is far from the common answer.
@@ -38,10 +41,29 @@ crate::params! {
     }
 }
 
+/// The table row.
+pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<ParallelParams>(
+    "parallel",
+    "side by side from the same place; the answer is a mean",
+    |a, parts| {
+        let (params, members) = (ParallelParams::from_assignments(a)?, parts.makes());
+        let by_states = params.estimate == Combination::MeanStates;
+        let warp = by_states
+            .then(|| parts.warp("state_ssm", &params.state_ssm))
+            .transpose()?;
+        Ok(Arc::new(move || {
+            let ssm = warp.as_ref().map(|warp| warp.build()).transpose()?;
+            Ok(Box::new(Parallel::new(params.clone(), build_all(&members)?, ssm)))
+        }))
+    },
+    CompositeFamily { members: (1, 64) },
+)
+.also(&["prl"]);
+
 /// Trackers side by side.
 pub struct Parallel {
     params: ParallelParams,
-    members: Vec<Box<dyn Tracker>>,
+    members: Members,
     answers: Vec<Corners>,
     /// The common answer.
     corners: Corners,
@@ -53,23 +75,22 @@ pub struct Parallel {
 }
 
 impl Parallel {
-    /// From its members, at least one.
-    pub fn new(params: ParallelParams, members: Vec<Box<dyn Tracker>>) -> Self {
-        let history = History::new(if params.auto_reinit {
-            params.reinit_frame_gap
-        } else {
-            0
-        });
-        let ssm = (params.estimate == ParallelEstimate::MeanStates).then(|| params.state_ssm.build());
+    /// From its members, at least one, and the model of the states whose mean is taken; without a model,
+    /// [`Combination::MeanStates`] is a mean of corners.
+    pub fn new(
+        params: ParallelParams,
+        members: Vec<Box<dyn Tracker>>,
+        ssm: Option<Box<dyn StateSpaceModel>>,
+    ) -> Self {
         Parallel {
             answers: Vec::with_capacity(members.len()),
+            history: History::new(params.auto_reinit, params.reinit_frame_gap),
             params,
-            members,
+            members: Members::new(members),
             corners: Corners::default(),
             ssm,
             states: Vec::new(),
             mean: Vec::new(),
-            history,
         }
     }
 
@@ -79,12 +100,12 @@ impl Parallel {
         let each = |f: &dyn Fn(usize, usize) -> f64| Corners(std::array::from_fn(|i| [f(i, 0), f(i, 1)]));
         let answers = &self.answers;
         Ok(match (self.params.estimate, &mut self.ssm) {
-            (ParallelEstimate::MedianCorners, _) => each(&|i, k| {
+            (Combination::MedianCorners, _) => each(&|i, k| {
                 let mut values: Vec<f64> = answers.iter().map(|a| a.0[i][k]).collect();
                 values.sort_unstable_by(f64::total_cmp);
                 (values[(n - 1) / 2] + values[n / 2]) / 2.0
             }),
-            (ParallelEstimate::MeanStates, Some(ssm)) => {
+            (Combination::MeanStates, Some(ssm)) => {
                 ssm.rebase(&self.corners)?;
                 self.states.clear();
                 for answer in answers {
@@ -111,16 +132,14 @@ impl Parallel {
 impl Recall for Parallel {
     fn restart(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         self.corners = *corners;
-        self.members
-            .iter_mut()
-            .try_for_each(|member| member.init(frame, corners))
+        self.members.init(frame, corners)
     }
 
     fn step(&mut self, frame: &Frame) -> (Result<Update, TrackError>, bool) {
         let mut error = TrackError::NotInitialised;
         let (mut iterations, mut similarity) = (0, f64::NAN);
         self.answers.clear();
-        for member in &mut self.members {
+        for member in self.members.iter_mut() {
             match member.update(frame) {
                 Ok(update) => {
                     self.answers.push(update.corners);
@@ -145,7 +164,7 @@ impl Recall for Parallel {
         let doubt = self.answers.len() < self.members.len() || !self.answers.iter().all(near);
         self.corners = corners;
         if self.params.reset_to_mean {
-            for member in &mut self.members {
+            for member in self.members.iter_mut() {
                 // A member that cannot go there stays where it is.
                 let _ = member.set_region(&corners);
             }
@@ -167,7 +186,7 @@ impl Recall for Parallel {
 impl Tracker for Parallel {
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         if let Some(ssm) = &mut self.ssm {
-            // The grid plays no part.
+            // The sampled points play no part.
             ssm.init(corners, Resolution { cols: 2, rows: 2 })?;
         }
         self.restart(frame, corners)?;
@@ -180,18 +199,14 @@ impl Tracker for Parallel {
     }
 
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
-        self.members
-            .iter_mut()
-            .try_for_each(|member| member.set_region(corners))?;
+        self.members.set_region(corners)?;
         self.corners = *corners;
         Ok(())
     }
 
     fn skip(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         self.history.keep(frame, corners);
-        self.members
-            .iter_mut()
-            .try_for_each(|member| member.skip(frame, corners))?;
+        self.members.skip(frame, corners)?;
         self.corners = *corners;
         Ok(())
     }
@@ -201,18 +216,18 @@ impl Tracker for Parallel {
     }
 
     fn reseed(&mut self, seed: u64) {
-        super::reseed_members(&mut self.members, seed);
+        self.members.reseed(seed);
     }
 
     fn set_threads(&mut self, threads: usize) {
-        self.members.iter_mut().for_each(|m| m.set_threads(threads));
+        self.members.set_threads(threads);
     }
 
     fn channels(&self) -> usize {
-        super::channels(&self.members)
+        self.members.channels()
     }
 
     fn memory(&self) -> usize {
-        self.members.iter().map(|m| m.memory()).sum::<usize>() + self.history.memory()
+        self.members.memory() + self.history.memory()
     }
 }

@@ -1,11 +1,13 @@
 //! Pyramid: the same tracker on every level of the image pyramid, coarse to fine. Level `k` is the frame halved `k` times,
 //! `x_k = x/2^k` exactly. Regions may widen by the same factor, as the windows of pyramidal flow do (Bouguet 2000).
 
-use super::Member;
+use super::entry::{CompositeEntry, CompositeFamily, Make, Member, Refused, build_all};
+use super::members::Members;
 use crate::geom::{Corners, homography};
 use crate::image::Frame;
-use crate::params::{ParamValue, Resolution};
+use crate::params::{ParamValue, Params, Resolution};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
+use std::sync::Arc;
 
 crate::params! {
     /// Parameters of [`Pyramid`].
@@ -20,13 +22,46 @@ crate::params! {
     }
 }
 
+/// The table row.
+pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<PyramidParams>(
+    "pyramid",
+    "the same tracker on every level of the image pyramid, coarse to fine",
+    |a, parts| {
+        let params = PyramidParams::from_assignments(a)?;
+        let levels = (0..params.levels).map(|k| level(&params, &parts.members[0], k));
+        let levels: Vec<Make> = levels.collect::<Result<_, _>>()?;
+        Ok(Arc::new(move || {
+            Ok(Box::new(Pyramid::new(build_all(&levels)?, params.widen)))
+        }))
+    },
+    CompositeFamily { members: (1, 1) },
+)
+.also(&["pyr"]);
+
+/// Fewest points per side of a coarse level.
+const MIN_RES: usize = 8;
+
+/// The tracker of level `k`, sampled more coarsely on coarser levels if asked for.
+fn level(params: &PyramidParams, member: &Member<'_>, k: usize) -> Result<Make, Refused> {
+    let res = member.value("res").and_then(Resolution::parse);
+    let Some(res) = res.filter(|_| params.scale_res && k > 0) else {
+        return Ok(Arc::clone(&member.make));
+    };
+    let side = |n: usize| (n >> k).max(MIN_RES.min(n));
+    let coarse = Resolution {
+        cols: side(res.cols),
+        rows: side(res.rows),
+    };
+    (member.adapt)(&[("res", &coarse.text())])
+}
+
 /// Shortest side of the object on the coarsest level, px.
 const MIN_SIDE: f64 = 8.0;
 
 /// A tracker per level.
 pub struct Pyramid {
     /// Level 0 first.
-    levels: Vec<Box<dyn Tracker>>,
+    levels: Members,
     /// Of these, the ones in use: all that the object is large enough for.
     used: usize,
     widen: bool,
@@ -47,7 +82,7 @@ impl Pyramid {
     /// From its trackers, level 0 (the full frame) first; at least one.
     pub fn new(levels: Vec<Box<dyn Tracker>>, widen: bool) -> Self {
         Pyramid {
-            levels,
+            levels: Members::new(levels),
             used: 0,
             widen,
             base: Corners::default(),
@@ -180,43 +215,18 @@ impl Tracker for Pyramid {
     }
 
     fn reseed(&mut self, seed: u64) {
-        super::reseed_members(&mut self.levels, seed);
+        self.levels.reseed(seed);
     }
 
     fn set_threads(&mut self, threads: usize) {
-        self.levels.iter_mut().for_each(|m| m.set_threads(threads));
+        self.levels.set_threads(threads);
     }
 
     fn channels(&self) -> usize {
-        super::channels(&self.levels)
+        self.levels.channels()
     }
 
     fn memory(&self) -> usize {
-        self.levels.iter().map(|l| l.memory()).sum()
+        self.levels.memory()
     }
-}
-
-/// Fewest points per side of a coarse level.
-const MIN_RES: usize = 8;
-
-/// A pyramid of the member, sampled more coarsely on coarser levels if asked for.
-pub(super) fn build(params: &PyramidParams, member: &Member) -> Result<Pyramid, String> {
-    let res = member.params.iter().find(|(info, _)| info.name == "res");
-    let res = res
-        .and_then(|(_, text)| Resolution::parse(text))
-        .filter(|_| params.scale_res);
-    let level = |k: usize| match res {
-        Some(res) => {
-            let side = |n: usize| (n >> k).max(MIN_RES.min(n));
-            let text = Resolution {
-                cols: side(res.cols),
-                rows: side(res.rows),
-            }
-            .text();
-            (member.make)(&[("res", &text)])
-        }
-        None => (member.make)(&[]),
-    };
-    let levels = (0..params.levels).map(level).collect::<Result<_, _>>()?;
-    Ok(Pyramid::new(levels, params.widen))
 }

@@ -2,9 +2,12 @@
 //! its drift (Zhang, Singh & Jagersand 2015). When the two end far apart one has failed: the leader, if the template tracker
 //! sees the object as well as ever from where it was, or else the template, and the leader's answer stands.
 
+use super::entry::{CompositeEntry, CompositeFamily};
 use crate::geom::Corners;
 use crate::image::Frame;
+use crate::params::Params;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
+use std::sync::Arc;
 
 crate::params! {
     /// Parameters of [`Rklt`].
@@ -20,6 +23,21 @@ crate::params! {
         rkl_enough: f64 = NEVER, in -NEVER..=NEVER;
     }
 }
+
+/// The table row.
+pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<RkltParams>(
+    "rklt",
+    "a leader from frame to frame, and a fixed template that corrects its drift",
+    |a, parts| {
+        let params = RkltParams::from_assignments(a)?;
+        let [leader, template] = [0, 1].map(|i| Arc::clone(&parts.members[i].make));
+        Ok(Arc::new(move || {
+            Ok(Box::new(Rklt::new(params.clone(), leader()?, template()?)))
+        }))
+    },
+    CompositeFamily { members: (2, 2) },
+)
+.also(&["rkl"]);
 
 /// No similarity is as large.
 const NEVER: f64 = 1e30;

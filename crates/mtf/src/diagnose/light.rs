@@ -15,7 +15,7 @@ pub(super) fn units(light: &dyn IlluminationModel) -> Vec<f64> {
 }
 
 /// A state up to one unit from the identity.
-pub(super) fn random_state(light: &dyn IlluminationModel, r: &mut Pcg64) -> Vec<f64> {
+pub(crate) fn random_state(light: &dyn IlluminationModel, r: &mut Pcg64) -> Vec<f64> {
     units(light)
         .into_iter()
         .map(|u| u * r.random_range(-1.0..1.0))

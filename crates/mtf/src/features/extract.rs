@@ -3,7 +3,7 @@
 use super::detect::{Corner, Picker};
 use super::pattern::{TURNS, describe};
 use crate::image::{Frame, Image};
-use crate::kernels::{self, Bits, Border, CENTROID_RADIUS, Grid2, blur};
+use crate::kernels::{self, Bits, Border, CENTROID_RADIUS, blur};
 
 /// Number of scales, a third of an octave apart.
 pub const SCALES: usize = 8;
@@ -230,7 +230,7 @@ impl Extractor {
             self.xs
                 .extend((0..width).map(|i| (origin[0] + step * i as f64) as f32));
             self.ys.resize(width, 0.0);
-            let plane = Grid2::new(base.plane(0), base.width(), base.height(), base.stride());
+            let plane = base.view(0);
             for row in 0..height {
                 self.ys.fill((origin[1] + step * row as f64) as f32);
                 let out = self.image.row_mut(0, row);

@@ -3,7 +3,7 @@
 //! that of the first image (inverse compositional), so each level needs it once.
 
 use crate::image::{Frame, Image};
-use crate::kernels::{self, FlowWindow, Grid2, Place};
+use crate::kernels::{self, FlowWindow, Place};
 use rayon::prelude::*;
 
 crate::params! {
@@ -232,7 +232,7 @@ impl Klt {
         let window_at = |image, p: [f64; 2]| place(image, p[0] - radius, p[1] - radius);
         let warped = back.and_then(|b| warped_window(first, x, b, radius + 1.0));
         let [xx, xy, yy] = match warped {
-            Some(map) => kernels::flow_window_warped(grid(first), map, &mut self.window),
+            Some(map) => kernels::flow_window_warped(first.view(0), map, &mut self.window),
             None => kernels::flow_window(window_at(first, x), &mut self.window),
         };
         let min_eigen = smaller_eigenvalue([xx, xy, yy]) / area;
@@ -374,19 +374,8 @@ fn warped_window(image: &Image, x: [f64; 2], b: [f64; 4], radius: f64) -> Option
     all.then_some([left, b[0], b[1], top, b[2], b[3]])
 }
 
-fn grid(image: &Image) -> Grid2<'_> {
-    Grid2::new(image.plane(0), image.width(), image.height(), image.stride())
-}
-
 fn place(image: &Image, x: f64, y: f64) -> Place<'_> {
-    Place::new(
-        image.plane(0),
-        image.width(),
-        image.height(),
-        image.stride(),
-        x,
-        y,
-    )
+    Place::new(image.view(0), x, y)
 }
 
 #[cfg(test)]

@@ -4,13 +4,13 @@
 
 mod frame;
 mod pixels;
-mod plane;
+mod planar;
 mod preprocess;
 mod pyramid;
 
 pub use frame::Frame;
 pub use pixels::Pixels;
-pub use plane::Image;
+pub use planar::Image;
 pub use preprocess::{
     Gaussian, Identity, PREPROCESSORS, PreProcessor, PreProcessorEntry, PreProcessorError, parse_preprocessor,
 };

@@ -143,6 +143,7 @@ fn combine_rows<L: Lanes, const N: usize>(rows: [&[f32]; N], taps: &[L; N], out:
 }
 
 /// Slow versions in `f64`.
+#[cfg(test)]
 pub mod reference {
     use super::reflect101;
 

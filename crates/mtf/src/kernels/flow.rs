@@ -2,38 +2,26 @@
 //! products that a Lucas-Kanade step needs.
 
 use super::sample::sample_lanes;
-use super::{Border, Grid2, Lanes, WIDTH, dispatch};
+use super::{Border, Lanes, PlaneView, WIDTH, dispatch};
 
-/// One plane of an image and a window's place in it.
+/// A window's place in one plane of an image.
 #[derive(Clone, Copy, Debug)]
 pub struct Place<'a> {
-    /// Elements, rows `stride` apart, one row more than `height`.
-    pub data: &'a [f32],
-    /// Width, px.
-    pub width: usize,
-    /// Height, px.
-    pub height: usize,
-    /// Elements between the starts of two rows, more than `width`.
-    pub stride: usize,
-    /// Upper left pixel of the window, whole numbers in `f64` range of the image plus the window.
-    pub left: i32,
-    /// See `left`.
-    pub top: i32,
-    /// Fractions of a pixel in `[0, 1)` by which the window lies right of and below that.
-    pub fraction: [f32; 2],
+    plane: PlaneView<'a>,
+    /// Upper left pixel of the window, at most 2²⁴ from the image's.
+    left: i32,
+    top: i32,
+    /// Fractions of a pixel in `[0, 1]` by which the window lies right of and below that.
+    fraction: [f32; 2],
 }
 
 impl<'a> Place<'a> {
     /// The window whose upper left sample is at `(x, y)` px.
-    pub fn new(data: &'a [f32], width: usize, height: usize, stride: usize, x: f64, y: f64) -> Self {
-        assert!(width > 0 && height > 0 && stride > width && data.len() >= stride * (height + 1));
+    pub fn new(plane: PlaneView<'a>, x: f64, y: f64) -> Self {
         let limit = f64::from(1 << 24);
         let (left, top) = (x.floor().clamp(-limit, limit), y.floor().clamp(-limit, limit));
         Place {
-            data,
-            width,
-            height,
-            stride,
+            plane,
             left: left as i32,
             top: top as i32,
             fraction: [
@@ -47,13 +35,16 @@ impl<'a> Place<'a> {
     #[inline(always)]
     fn inside(&self, cols: usize, rows: usize) -> bool {
         let (left, top) = (self.left as usize, self.top as usize);
-        self.left >= 0 && self.top >= 0 && left + cols < self.width && top + rows < self.height
+        self.left >= 0
+            && self.top >= 0
+            && left + cols < self.plane.width()
+            && top + rows < self.plane.height()
     }
 
     /// Pixels of a window that is inside, from its upper left one on.
     #[inline(always)]
     fn pixels(&self) -> &'a [f32] {
-        &self.data[self.top as usize * self.stride + self.left as usize..]
+        &self.plane.data()[self.top as usize * self.plane.stride() + self.left as usize..]
     }
 
     /// Columns and rows of a window whose samples lie in the image.
@@ -64,24 +55,24 @@ impl<'a> Place<'a> {
             low as usize..last.clamp(low, window as i64) as usize
         };
         [
-            range(self.left, self.fraction[0], cols, self.width),
-            range(self.top, self.fraction[1], rows, self.height),
+            range(self.left, self.fraction[0], cols, self.plane.width()),
+            range(self.top, self.fraction[1], rows, self.plane.height()),
         ]
     }
 
     /// Pixels `row` rows below the upper left one, from its column on, coordinates clamped to the image.
     fn clamped_row(&self, row: usize, out: &mut [f32]) {
-        let y = (i64::from(self.top) + row as i64).clamp(0, self.height as i64 - 1) as usize;
-        let pixels = &self.data[y * self.stride..][..self.width];
+        let y = (i64::from(self.top) + row as i64).clamp(0, self.plane.height() as i64 - 1) as usize;
+        let pixels = &self.plane.data()[y * self.plane.stride()..][..self.plane.width()];
         let left = i64::from(self.left);
         let before = (-left).clamp(0, out.len() as i64) as usize;
-        let first = left.clamp(0, self.width as i64) as usize;
-        let count = (self.width - first).min(out.len() - before);
+        let first = left.clamp(0, self.plane.width() as i64) as usize;
+        let count = (self.plane.width() - first).min(out.len() - before);
         let (head, rest) = out.split_at_mut(before);
         let (middle, tail) = rest.split_at_mut(count);
         head.fill(pixels[0]);
         middle.copy_from_slice(&pixels[first..first + count]);
-        tail.fill(pixels[self.width - 1]);
+        tail.fill(pixels[self.plane.width() - 1]);
     }
 }
 
@@ -137,7 +128,7 @@ dispatch! {
     pub fn flow_window(place: Place<'_>, window: &mut FlowWindow) -> [f64; 3] = window_lanes;
     /// The same for a window seen through an affine map: its sample `(i, j)` is at `(m0 + m1 i + m2 j, m3 + m4 i + m5 j)` px,
     /// or the nearest place of the image.
-    pub fn flow_window_warped(image: Grid2<'_>, map: [f64; 6], window: &mut FlowWindow) -> [f64; 3] = warped_window_lanes;
+    pub fn flow_window_warped(image: PlaneView<'_>, map: [f64; 6], window: &mut FlowWindow) -> [f64; 3] = warped_window_lanes;
     /// `(Σ d gx, Σ d gy)`, `d` the window's values less those at another place (zero outside the image).
     pub fn flow_mismatch(place: Place<'_>, window: &FlowWindow) -> [f64; 2] = mismatch_lanes;
     /// Sums of `|a - b|`, `a`, `b`, `a²`, `a b`, `b²` over the samples inside the image, `a` the window's values and `b` those
@@ -217,7 +208,7 @@ fn window_lanes<V: Lanes>(place: Place<'_>, window: &mut FlowWindow) -> [f64; 3]
         while i < side + 2 {
             let mut upper = across_pixels(&pixels[i..], dx);
             for row in 0..side + 2 {
-                let lower = across_pixels(&pixels[(row + 1) * place.stride + i..], dx);
+                let lower = across_pixels(&pixels[(row + 1) * place.plane.stride() + i..], dx);
                 let o = row * across + i;
                 dy.mul_add(lower.sub(upper), upper).store(&mut wide[o..o + WIDTH]);
                 upper = lower;
@@ -243,7 +234,7 @@ fn window_lanes<V: Lanes>(place: Place<'_>, window: &mut FlowWindow) -> [f64; 3]
 }
 
 #[inline(always)]
-fn warped_window_lanes<V: Lanes>(image: Grid2<'_>, map: [f64; 6], window: &mut FlowWindow) -> [f64; 3] {
+fn warped_window_lanes<V: Lanes>(image: PlaneView<'_>, map: [f64; 6], window: &mut FlowWindow) -> [f64; 3] {
     let across = padded(window.side) + WIDTH;
     let used = padded(window.side + 2);
     let FlowWindow { wide, x, y, .. } = window;
@@ -339,7 +330,7 @@ fn mismatch_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow) -> [f64; 2] {
     while i < cols {
         let mut upper = across_pixels(&pixels[i..], dx);
         for row in 0..side {
-            let lower = across_pixels(&pixels[(row + 1) * place.stride + i..], dx);
+            let lower = across_pixels(&pixels[(row + 1) * place.plane.stride() + i..], dx);
             let at = row * cols + i..row * cols + i + WIDTH;
             let there = dy.mul_add(lower.sub(upper), upper);
             let d = V::load(&window.values[at.clone()]).sub(there);
@@ -368,7 +359,7 @@ fn moments_lanes<V: Lanes>(place: Place<'_>, window: &FlowWindow) -> [f64; 6] {
         let mask = column_mask::<V>(&(0..side), i);
         let mut upper = across_pixels(&pixels[i..], dx);
         for row in 0..side {
-            let lower = across_pixels(&pixels[(row + 1) * place.stride + i..], dx);
+            let lower = across_pixels(&pixels[(row + 1) * place.plane.stride() + i..], dx);
             let a = V::load(&window.values[row * cols + i..row * cols + i + WIDTH]);
             let b = dy.mul_add(lower.sub(upper), upper);
             add_moments(&mut sums, a, b, shift, mask);
@@ -473,14 +464,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn place(image: &Image, x: f64, y: f64) -> Place<'_> {
-        Place::new(
-            image.plane(0),
-            image.width(),
-            image.height(),
-            image.stride(),
-            x,
-            y,
-        )
+        Place::new(image.view(0), x, y)
     }
 
     /// Value at clamped coordinates, in `f64`.
@@ -566,7 +550,7 @@ mod tests {
     #[test]
     fn windows_seen_through_a_map() {
         let image = Image::from_fn(60, 50, |x, y| ((x * 7919 + y * 104_729) % 251) as f32);
-        let grid = Grid2::new(image.plane(0), 60, 50, image.stride());
+        let grid = image.view(0);
         let mut plain = FlowWindow::new(9);
         let g = flow_window(place(&image, 20.25, 18.5), &mut plain);
         let mut warped = FlowWindow::new(9);

@@ -60,7 +60,7 @@ fn halve_lanes<V: Lanes>(
                 V::load_at(d, x),
                 V::load_at(e, x),
             );
-            v.store(&mut line[WIDTH + x..]);
+            v.store(&mut line[WIDTH + x..2 * WIDTH + x]);
             x += WIDTH;
         }
         for i in 1..=2 {

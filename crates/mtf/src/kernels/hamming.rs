@@ -20,7 +20,7 @@ pub fn hamming_distances(query: &Bits, others: &[Bits], out: &mut [u32]) {
         fn counted(query: &Bits, others: &[Bits], out: &mut [u32]) {
             distances(query, others, out);
         }
-        // Sound: the processor has POPCNT.
+        // SAFETY: the processor has POPCNT, as was just asked.
         unsafe { counted(query, others, out) };
         return;
     }

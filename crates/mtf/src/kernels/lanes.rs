@@ -1,13 +1,22 @@
 //! Eight `f32` lanes: the one abstraction under every hot loop.
 //!
-//! A kernel is written once, generic over [`Lanes`], and compiled twice: with [`Avx2`] inside a function that enables
-//! AVX2 and FMA, and with [`Portable`]. Both perform the same IEEE operations in the same order (a fused
-//! multiply-add is fused in both, horizontal sums use one fixed tree), so their results are identical to the bit.
+//! A kernel is written once, generic over [`Lanes`], and compiled twice by [`dispatch!`]: for AVX2 and FMA inside a
+//! function that enables them, and with [`Portable`] for every other processor. Both perform the same IEEE operations in
+//! the same order (a fused multiply-add is fused in both, horizontal sums use one fixed tree), so their results are
+//! identical to the bit. Depends on nothing.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+mod portable;
 
 use std::sync::OnceLock;
 
+#[cfg(target_arch = "x86_64")]
+pub(super) use avx2::Avx2;
+pub(super) use portable::Portable;
+
 /// Number of lanes of every [`Lanes`] type.
-pub const WIDTH: usize = 8;
+pub(super) const WIDTH: usize = 8;
 
 /// Instruction set the kernels run with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,12 +61,12 @@ fn has_avx2() -> bool {
 }
 
 /// Eight `f32` values with element-wise operations.
-pub trait Lanes: Copy {
+pub(super) trait Lanes: Copy {
     /// All lanes `v`.
     fn splat(v: f32) -> Self;
-    /// First eight elements of `s` (panics in debug builds when there are fewer).
+    /// First eight elements of `s`; panics when there are fewer.
     fn load(s: &[f32]) -> Self;
-    /// Writes eight elements to the front of `s`.
+    /// Writes eight elements to the front of `s`; panics when there is no room for them.
     fn store(self, s: &mut [f32]);
     /// The lanes as an array.
     fn to_array(self) -> [f32; WIDTH];
@@ -94,14 +103,15 @@ pub trait Lanes: Copy {
     /// neighbour.
     ///
     /// # Safety
-    /// Each lane's `x`, `y` is whole and non-negative, and its four elements lie within `plane`.
+    /// Each lane's `x`, `y` is whole and non-negative, its four elements lie within `plane`, and `plane` has at most
+    /// `i32::MAX` elements.
     unsafe fn quads(plane: &[f32], stride: usize, x: Self, y: Self) -> [Self; 4];
 
     /// Each lane as an integer; the lanes are whole numbers in `[0, 2^31)`.
     fn to_indices(self) -> [u32; WIDTH];
     /// Rows and columns exchanged: lane `l` of row `k` becomes lane `k` of row `l`.
     fn transpose(rows: [Self; WIDTH]) -> [Self; WIDTH];
-    /// First four elements of `s`, twice.
+    /// First four elements of `s`, twice; panics when there are fewer.
     fn load_twice(s: &[f32]) -> Self;
     /// For lanes `[a b c d a b c d]`: `[a a a a b b b b]` and `[c c c c d d d d]`.
     fn spread(self) -> [Self; 2];
@@ -112,14 +122,14 @@ pub trait Lanes: Copy {
     /// The even and the odd ones of sixteen lanes.
     fn unzip(a: Self, b: Self) -> (Self, Self);
 
-    /// First `s.len() < 8` elements of `s`, the rest zero.
+    /// All of the `s.len() <= 8` elements of `s`, the rest zero.
     #[inline(always)]
     fn load_partial(s: &[f32]) -> Self {
         let mut a = [0.0; WIDTH];
         a[..s.len()].copy_from_slice(s);
         Self::from_array(a)
     }
-    /// Writes the first `s.len() < 8` lanes.
+    /// Writes the first `s.len() <= 8` lanes.
     #[inline(always)]
     fn store_partial(self, s: &mut [f32]) {
         let n = s.len();
@@ -151,366 +161,11 @@ pub trait Lanes: Copy {
     }
 }
 
-/// Portable lanes.
-#[derive(Clone, Copy)]
-pub struct Portable([f32; WIDTH]);
-
-impl Portable {
-    #[inline(always)]
-    fn zip(self, b: Self, f: impl Fn(f32, f32) -> f32) -> Self {
-        let mut out = self.0;
-        for (o, v) in out.iter_mut().zip(b.0) {
-            *o = f(*o, v);
-        }
-        Portable(out)
-    }
-}
-
-impl Lanes for Portable {
-    #[inline(always)]
-    fn splat(v: f32) -> Self {
-        Portable([v; WIDTH])
-    }
-    #[inline(always)]
-    fn load(s: &[f32]) -> Self {
-        Portable(s[..WIDTH].try_into().expect("eight elements"))
-    }
-    #[inline(always)]
-    fn store(self, s: &mut [f32]) {
-        s[..WIDTH].copy_from_slice(&self.0)
-    }
-    #[inline(always)]
-    fn to_array(self) -> [f32; WIDTH] {
-        self.0
-    }
-    #[inline(always)]
-    fn from_array(a: [f32; WIDTH]) -> Self {
-        Portable(a)
-    }
-    #[inline(always)]
-    fn add(self, b: Self) -> Self {
-        self.zip(b, |a, b| a + b)
-    }
-    #[inline(always)]
-    fn sub(self, b: Self) -> Self {
-        self.zip(b, |a, b| a - b)
-    }
-    #[inline(always)]
-    fn mul(self, b: Self) -> Self {
-        self.zip(b, |a, b| a * b)
-    }
-    #[inline(always)]
-    fn div(self, b: Self) -> Self {
-        self.zip(b, |a, b| a / b)
-    }
-    #[inline(always)]
-    fn mul_add(self, b: Self, c: Self) -> Self {
-        let mut out = self.0;
-        for ((o, b), c) in out.iter_mut().zip(b.0).zip(c.0) {
-            *o = o.mul_add(b, c);
-        }
-        Portable(out)
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        Portable(self.0.map(f32::sqrt))
-    }
-    #[inline(always)]
-    fn abs(self) -> Self {
-        Portable(self.0.map(f32::abs))
-    }
-    #[inline(always)]
-    fn min(self, b: Self) -> Self {
-        self.zip(b, |a, b| if a < b { a } else { b })
-    }
-    #[inline(always)]
-    fn max(self, b: Self) -> Self {
-        self.zip(b, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
-    fn less(self, b: Self) -> Self {
-        self.zip(b, |a, b| if a < b { 1.0 } else { 0.0 })
-    }
-    #[inline(always)]
-    fn floor(self) -> Self {
-        Portable(self.0.map(f32::floor))
-    }
-    #[inline(always)]
-    fn all_within(self, lo: Self, hi: Self) -> bool {
-        (0..WIDTH).all(|l| self.0[l] >= lo.0[l] && self.0[l] <= hi.0[l])
-    }
-    #[inline(always)]
-    fn any_zero(self) -> bool {
-        self.0.contains(&0.0)
-    }
-    #[inline(always)]
-    fn to_indices(self) -> [u32; WIDTH] {
-        self.0.map(|v| v as u32)
-    }
-    #[inline(always)]
-    fn transpose(rows: [Self; WIDTH]) -> [Self; WIDTH] {
-        std::array::from_fn(|k| Portable(std::array::from_fn(|l| rows[l].0[k])))
-    }
-    #[inline(always)]
-    fn load_twice(s: &[f32]) -> Self {
-        Portable(std::array::from_fn(|l| s[l % 4]))
-    }
-    #[inline(always)]
-    fn spread(self) -> [Self; 2] {
-        [0, 2].map(|k| Portable(std::array::from_fn(|l| self.0[4 * (l / 4) + k + l / 4])))
-    }
-    #[inline(always)]
-    fn repeat_first(self) -> Self {
-        Portable(std::array::from_fn(|l| self.0[l.saturating_sub(1)]))
-    }
-    #[inline(always)]
-    fn repeat_last(self) -> Self {
-        Portable(std::array::from_fn(|l| self.0[(l + 1).min(WIDTH - 1)]))
-    }
-    #[inline(always)]
-    fn unzip(a: Self, b: Self) -> (Self, Self) {
-        let at = |i: usize| if i < WIDTH { a.0[i] } else { b.0[i - WIDTH] };
-        (
-            Portable(std::array::from_fn(|l| at(2 * l))),
-            Portable(std::array::from_fn(|l| at(2 * l + 1))),
-        )
-    }
-    #[inline(always)]
-    unsafe fn quads(plane: &[f32], stride: usize, x: Self, y: Self) -> [Self; 4] {
-        let tap = |offset: usize| {
-            Portable(std::array::from_fn(|l| {
-                plane[y.0[l] as usize * stride + x.0[l] as usize + offset]
-            }))
-        };
-        [tap(0), tap(1), tap(stride), tap(stride + 1)]
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-pub use x86::Avx2;
-
-#[cfg(target_arch = "x86_64")]
-mod x86 {
-    use super::{Lanes, WIDTH};
-    use std::arch::x86_64::*;
-
-    /// AVX2 + FMA lanes. Values of this type are only created inside functions that enable both features
-    /// (see [`dispatch!`](crate::kernels::dispatch)), which is what makes the intrinsics below sound.
-    #[derive(Clone, Copy)]
-    pub struct Avx2(pub(crate) __m256);
-
-    /// Loads two floats at `p` into the upper half of `lo`.
-    #[inline(always)]
-    unsafe fn load_high(lo: __m128, p: *const f32) -> __m128 {
-        unsafe { _mm_castpd_ps(_mm_loadh_pd(_mm_castps_pd(lo), p.cast())) }
-    }
-
-    /// Mask of the first `n <= 8` lanes.
-    #[inline(always)]
-    unsafe fn first(n: usize) -> __m256i {
-        const ONES: [i32; 2 * WIDTH] = [-1, -1, -1, -1, -1, -1, -1, -1, 0, 0, 0, 0, 0, 0, 0, 0];
-        assert!(n <= WIDTH);
-        unsafe { _mm256_loadu_si256(ONES.as_ptr().add(WIDTH - n).cast()) }
-    }
-
-    impl Lanes for Avx2 {
-        #[inline(always)]
-        fn splat(v: f32) -> Self {
-            Avx2(unsafe { _mm256_set1_ps(v) })
-        }
-        #[inline(always)]
-        fn load(s: &[f32]) -> Self {
-            debug_assert!(s.len() >= WIDTH);
-            Avx2(unsafe { _mm256_loadu_ps(s.as_ptr()) })
-        }
-        #[inline(always)]
-        fn store(self, s: &mut [f32]) {
-            debug_assert!(s.len() >= WIDTH);
-            unsafe { _mm256_storeu_ps(s.as_mut_ptr(), self.0) }
-        }
-        #[inline(always)]
-        fn to_array(self) -> [f32; WIDTH] {
-            let mut a = [0.0; WIDTH];
-            unsafe { _mm256_storeu_ps(a.as_mut_ptr(), self.0) }
-            a
-        }
-        #[inline(always)]
-        fn from_array(a: [f32; WIDTH]) -> Self {
-            Avx2(unsafe { _mm256_loadu_ps(a.as_ptr()) })
-        }
-        #[inline(always)]
-        fn add(self, b: Self) -> Self {
-            Avx2(unsafe { _mm256_add_ps(self.0, b.0) })
-        }
-        #[inline(always)]
-        fn sub(self, b: Self) -> Self {
-            Avx2(unsafe { _mm256_sub_ps(self.0, b.0) })
-        }
-        #[inline(always)]
-        fn mul(self, b: Self) -> Self {
-            Avx2(unsafe { _mm256_mul_ps(self.0, b.0) })
-        }
-        #[inline(always)]
-        fn div(self, b: Self) -> Self {
-            Avx2(unsafe { _mm256_div_ps(self.0, b.0) })
-        }
-        #[inline(always)]
-        fn mul_add(self, b: Self, c: Self) -> Self {
-            Avx2(unsafe { _mm256_fmadd_ps(self.0, b.0, c.0) })
-        }
-        #[inline(always)]
-        fn sqrt(self) -> Self {
-            Avx2(unsafe { _mm256_sqrt_ps(self.0) })
-        }
-        #[inline(always)]
-        fn abs(self) -> Self {
-            Avx2(unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0) })
-        }
-        #[inline(always)]
-        fn min(self, b: Self) -> Self {
-            Avx2(unsafe { _mm256_min_ps(self.0, b.0) })
-        }
-        #[inline(always)]
-        fn max(self, b: Self) -> Self {
-            Avx2(unsafe { _mm256_max_ps(self.0, b.0) })
-        }
-        #[inline(always)]
-        fn less(self, b: Self) -> Self {
-            Avx2(unsafe { _mm256_and_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, b.0), _mm256_set1_ps(1.0)) })
-        }
-        #[inline(always)]
-        fn floor(self) -> Self {
-            Avx2(unsafe { _mm256_floor_ps(self.0) })
-        }
-        #[inline(always)]
-        fn all_within(self, lo: Self, hi: Self) -> bool {
-            unsafe {
-                let above = _mm256_cmp_ps::<_CMP_GE_OQ>(self.0, lo.0);
-                let below = _mm256_cmp_ps::<_CMP_LE_OQ>(self.0, hi.0);
-                _mm256_movemask_ps(_mm256_and_ps(above, below)) == 0xff
-            }
-        }
-        #[inline(always)]
-        fn any_zero(self) -> bool {
-            unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, _mm256_setzero_ps())) != 0 }
-        }
-        #[inline(always)]
-        fn to_indices(self) -> [u32; WIDTH] {
-            let mut index = [0u32; WIDTH];
-            unsafe { _mm256_storeu_si256(index.as_mut_ptr().cast(), _mm256_cvttps_epi32(self.0)) }
-            index
-        }
-        #[inline(always)]
-        fn transpose([a, b, c, d, e, f, g, h]: [Self; WIDTH]) -> [Self; WIDTH] {
-            // Written out: closures and array maps over vectors are not reliably inlined.
-            unsafe {
-                let (ab, ab2) = (_mm256_unpacklo_ps(a.0, b.0), _mm256_unpackhi_ps(a.0, b.0));
-                let (cd, cd2) = (_mm256_unpacklo_ps(c.0, d.0), _mm256_unpackhi_ps(c.0, d.0));
-                let (ef, ef2) = (_mm256_unpacklo_ps(e.0, f.0), _mm256_unpackhi_ps(e.0, f.0));
-                let (gh, gh2) = (_mm256_unpacklo_ps(g.0, h.0), _mm256_unpackhi_ps(g.0, h.0));
-                let low0 = _mm256_shuffle_ps::<0b01_00_01_00>(ab, cd);
-                let low1 = _mm256_shuffle_ps::<0b11_10_11_10>(ab, cd);
-                let low2 = _mm256_shuffle_ps::<0b01_00_01_00>(ab2, cd2);
-                let low3 = _mm256_shuffle_ps::<0b11_10_11_10>(ab2, cd2);
-                let high0 = _mm256_shuffle_ps::<0b01_00_01_00>(ef, gh);
-                let high1 = _mm256_shuffle_ps::<0b11_10_11_10>(ef, gh);
-                let high2 = _mm256_shuffle_ps::<0b01_00_01_00>(ef2, gh2);
-                let high3 = _mm256_shuffle_ps::<0b11_10_11_10>(ef2, gh2);
-                [
-                    Avx2(_mm256_permute2f128_ps::<0x20>(low0, high0)),
-                    Avx2(_mm256_permute2f128_ps::<0x20>(low1, high1)),
-                    Avx2(_mm256_permute2f128_ps::<0x20>(low2, high2)),
-                    Avx2(_mm256_permute2f128_ps::<0x20>(low3, high3)),
-                    Avx2(_mm256_permute2f128_ps::<0x31>(low0, high0)),
-                    Avx2(_mm256_permute2f128_ps::<0x31>(low1, high1)),
-                    Avx2(_mm256_permute2f128_ps::<0x31>(low2, high2)),
-                    Avx2(_mm256_permute2f128_ps::<0x31>(low3, high3)),
-                ]
-            }
-        }
-        // Masked, because a call of `memcpy` in a loop, even one that is never reached, spills every register.
-        #[inline(always)]
-        fn load_partial(s: &[f32]) -> Self {
-            Avx2(unsafe { _mm256_maskload_ps(s.as_ptr(), first(s.len())) })
-        }
-        #[inline(always)]
-        fn store_partial(self, s: &mut [f32]) {
-            unsafe { _mm256_maskstore_ps(s.as_mut_ptr(), first(s.len()), self.0) }
-        }
-        #[inline(always)]
-        fn load_twice(s: &[f32]) -> Self {
-            debug_assert!(s.len() >= 4);
-            Avx2(unsafe { _mm256_broadcast_ps(&*s.as_ptr().cast()) })
-        }
-        #[inline(always)]
-        fn spread(self) -> [Self; 2] {
-            unsafe {
-                let first = _mm256_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1);
-                let second = _mm256_setr_epi32(2, 2, 2, 2, 3, 3, 3, 3);
-                [
-                    Avx2(_mm256_permutevar_ps(self.0, first)),
-                    Avx2(_mm256_permutevar_ps(self.0, second)),
-                ]
-            }
-        }
-        #[inline(always)]
-        fn repeat_first(self) -> Self {
-            let order = unsafe { _mm256_setr_epi32(0, 0, 1, 2, 3, 4, 5, 6) };
-            Avx2(unsafe { _mm256_permutevar8x32_ps(self.0, order) })
-        }
-        #[inline(always)]
-        fn repeat_last(self) -> Self {
-            let order = unsafe { _mm256_setr_epi32(1, 2, 3, 4, 5, 6, 7, 7) };
-            Avx2(unsafe { _mm256_permutevar8x32_ps(self.0, order) })
-        }
-        #[inline(always)]
-        fn unzip(a: Self, b: Self) -> (Self, Self) {
-            unsafe {
-                let even = _mm256_castps_pd(_mm256_shuffle_ps::<0b10_00_10_00>(a.0, b.0));
-                let odd = _mm256_castps_pd(_mm256_shuffle_ps::<0b11_01_11_01>(a.0, b.0));
-                (
-                    Avx2(_mm256_castpd_ps(_mm256_permute4x64_pd::<0b11_01_10_00>(even))),
-                    Avx2(_mm256_castpd_ps(_mm256_permute4x64_pd::<0b11_01_10_00>(odd))),
-                )
-            }
-        }
-        // One 64-bit load fetches a pixel and its right neighbour; on Zen this beats gathers by half.
-        #[inline(always)]
-        unsafe fn quads(plane: &[f32], stride: usize, x: Self, y: Self) -> [Self; 4] {
-            unsafe {
-                let stride_v = _mm256_set1_epi32(stride as i32);
-                let at = _mm256_add_epi32(
-                    _mm256_mullo_epi32(_mm256_cvttps_epi32(y.0), stride_v),
-                    _mm256_cvttps_epi32(x.0),
-                );
-                let mut index = [0u32; WIDTH];
-                _mm256_storeu_si256(index.as_mut_ptr().cast(), at);
-                debug_assert!(index.iter().all(|&i| (i as usize + stride + 1) < plane.len()));
-                let row = |base: *const f32| {
-                    let pair = |i: usize, k: usize| {
-                        let lo = _mm_castpd_ps(_mm_load_sd(base.add(index[i] as usize).cast()));
-                        load_high(lo, base.add(index[k] as usize))
-                    };
-                    let even = _mm256_set_m128(pair(4, 5), pair(0, 1));
-                    let odd = _mm256_set_m128(pair(6, 7), pair(2, 3));
-                    (
-                        Avx2(_mm256_shuffle_ps::<0b10_00_10_00>(even, odd)),
-                        Avx2(_mm256_shuffle_ps::<0b11_01_11_01>(even, odd)),
-                    )
-                };
-                let (p00, p10) = row(plane.as_ptr());
-                let (p01, p11) = row(plane.as_ptr().add(stride));
-                [p00, p10, p01, p11]
-            }
-        }
-    }
-}
-
-/// Defines public kernels that pick the instruction set at run time.
+/// Defines kernels that pick the instruction set at run time.
 ///
-/// `pub fn name(args) -> R = generic;` becomes a function that calls `generic::<Avx2>(args)` inside an AVX2+FMA
-/// context when the processor has it, and `generic::<Portable>(args)` otherwise. `generic` must be
-/// `#[inline(always)]`.
+/// `pub fn name(args) -> R = generic;` becomes a function that calls `generic::<Avx2>(args)` inside a function that enables
+/// AVX2 and FMA when the processor has them, and `generic::<Portable>(args)` otherwise. `generic` must be
+/// `#[inline(always)]`. Nothing else may name `Avx2`: that its methods are sound depends on it.
 macro_rules! dispatch {
     ($($(#[$doc:meta])* $vis:vis fn $name:ident $(<$(const $c:ident: usize),+>)? ($($arg:ident: $ty:ty),* $(,)?) $(-> $ret:ty)? = $generic:ident;)*) => {$(
         $(#[$doc])*
@@ -521,13 +176,127 @@ macro_rules! dispatch {
                 #[target_feature(enable = "avx2,fma")]
                 #[allow(clippy::too_many_arguments)]
                 fn wide $(<$(const $c: usize),+>)? ($($arg: $ty),*) $(-> $ret)? {
-                    $generic::<$crate::kernels::Avx2 $($(, $c)+)?>($($arg),*)
+                    $generic::<$crate::kernels::lanes::Avx2 $($(, $c)+)?>($($arg),*)
                 }
-                // Sound: `simd_level` returns `Avx2` only when the processor has AVX2 and FMA.
+                // SAFETY: `simd_level` returns `Avx2` only when the processor has AVX2 and FMA.
                 return unsafe { wide $(::<$($c),+>)? ($($arg),*) };
             }
-            $generic::<$crate::kernels::Portable $($(, $c)+)?>($($arg),*)
+            $generic::<$crate::kernels::lanes::Portable $($(, $c)+)?>($($arg),*)
         }
     )*};
 }
-pub(crate) use dispatch;
+pub(super) use dispatch;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+
+    dispatch! {
+        fn load_and_store(from: &[f32], to: &mut [f32]) = load_and_store_lanes;
+        fn load_partly_and_store_partly(from: &[f32], to: &mut [f32]) = partial_lanes;
+        fn load_twice(from: &[f32], to: &mut [f32]) = twice_lanes;
+        fn load_at_and_store_at(from: &[f32], i: usize, to: &mut [f32]) = at_lanes;
+    }
+
+    #[inline(always)]
+    fn load_and_store_lanes<V: Lanes>(from: &[f32], to: &mut [f32]) {
+        V::load(from).store(to);
+    }
+    #[inline(always)]
+    fn partial_lanes<V: Lanes>(from: &[f32], to: &mut [f32]) {
+        V::load_partial(from).store_partial(to);
+    }
+    #[inline(always)]
+    fn twice_lanes<V: Lanes>(from: &[f32], to: &mut [f32]) {
+        V::load_twice(from).store(to);
+    }
+    #[inline(always)]
+    fn at_lanes<V: Lanes>(from: &[f32], i: usize, to: &mut [f32]) {
+        V::load_at(from, i).store_at(to, i);
+    }
+
+    fn panics(f: impl FnOnce()) -> bool {
+        catch_unwind(AssertUnwindSafe(f)).is_err()
+    }
+
+    /// Elements at the end of memory that may be read: what lies beyond is another allocation.
+    const FROM: [f32; 9] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
+
+    #[test]
+    fn loads_and_stores_stay_within_their_slices() {
+        for (from, to) in (0..=9).flat_map(|from| (0..=9).map(move |to| (from, to))) {
+            let mut out = [0.0; 9];
+            let short = from < WIDTH || to < WIDTH;
+            assert_eq!(
+                panics(|| load_and_store(&FROM[..from], &mut out[..to])),
+                short,
+                "{from} {to}"
+            );
+            assert_eq!(out[..8] == FROM[..8], !short);
+
+            let mut out = [0.0; 9];
+            let long = from > WIDTH || to > WIDTH;
+            assert_eq!(
+                panics(|| load_partly_and_store_partly(&FROM[..from], &mut out[..to])),
+                long,
+                "{from} {to}"
+            );
+            if !long {
+                let kept = from.min(to);
+                assert_eq!(out[..kept], FROM[..kept]);
+                assert!(out[kept..].iter().all(|&v| v == 0.0));
+            }
+
+            let mut out = [0.0; 9];
+            let short = from < WIDTH / 2 || to < WIDTH;
+            assert_eq!(
+                panics(|| load_twice(&FROM[..from], &mut out[..to])),
+                short,
+                "{from} {to}"
+            );
+            assert_eq!(out == [1.0, 2.0, 3.0, 4.0, 1.0, 2.0, 3.0, 4.0, 0.0], !short);
+
+            for i in 0..=10 {
+                let mut out = [0.0; 9];
+                let beyond = i > from || i > to;
+                assert_eq!(
+                    panics(|| load_at_and_store_at(&FROM[..from], i, &mut out[..to])),
+                    beyond
+                );
+                let moved = |k: usize| !beyond && (i..from.min(to).min(i + WIDTH)).contains(&k);
+                assert!((0..9).all(|k| out[k] == if moved(k) { FROM[k] } else { 0.0 }));
+            }
+        }
+    }
+
+    /// The methods of the wide lanes are sound because `dispatch!` alone names the type.
+    #[test]
+    fn nothing_but_dispatch_names_the_wide_lanes() {
+        fn sources(folder: &std::path::Path, out: &mut Vec<std::path::PathBuf>) {
+            for entry in std::fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() {
+                    sources(&path, out);
+                } else {
+                    out.push(path);
+                }
+            }
+        }
+        let mut files = Vec::new();
+        sources(
+            &std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/kernels"),
+            &mut files,
+        );
+        assert!(files.len() > 20, "{files:?}");
+        for file in files {
+            if file.ends_with("lanes.rs") || file.ends_with("lanes/avx2.rs") {
+                continue;
+            }
+            let text = std::fs::read_to_string(&file)
+                .unwrap()
+                .replace("SimdLevel::Avx2", "");
+            assert!(!text.contains("Avx2"), "{} names Avx2", file.display());
+        }
+    }
+}

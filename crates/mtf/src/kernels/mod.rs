@@ -1,7 +1,8 @@
 //! Hot loops only: slices in, slices out, no traits but [`Lanes`], no allocation.
 //!
 //! Every kernel stands beside a slow reference in `f64` (in its tests or as `*_reference`), and runs with identical
-//! results on any instruction set. Depends on nothing else in the crate but plain data types.
+//! results on any instruction set. A slice that is too short panics. Depends on the matrices of `geom` only. Private to the
+//! crate; [`Jacobian`] and [`simd_level`] are public at its root.
 
 mod blend;
 mod blocks;
@@ -14,10 +15,14 @@ pub mod gray;
 mod halve;
 mod hamming;
 pub mod hist;
+mod jacobian;
 mod lanes;
+#[cfg(test)]
+mod lengths;
 mod normal;
 mod photometric;
 mod pixelwise;
+mod plane;
 mod reduce;
 mod robust;
 mod sample;
@@ -32,24 +37,26 @@ pub use blocks::block_moments;
 pub use cholesky::factorise;
 pub use corner::{CENTROID_RADIUS, centroid, corner_response, corner_scratch_len, row_peaks};
 pub use filter::{Pass, filter_pass, subtract_combination};
-pub use flow::{FlowMatch, FlowWindow, Place, flow_match, flow_mismatch, flow_window, flow_window_warped};
+pub use flow::{FlowWindow, Place, flow_match, flow_mismatch, flow_window, flow_window_warped};
 pub use halve::{halve, halve_scratch_len};
 pub use hamming::{Bits, hamming, hamming_distances};
-#[cfg(target_arch = "x86_64")]
-pub use lanes::Avx2;
-pub(crate) use lanes::dispatch;
-pub use lanes::{Lanes, Portable, SimdLevel, WIDTH, simd_level};
-pub use normal::{Jacobian, block_gram, normal_equations, project, weighted_normal_equations};
+pub use jacobian::Jacobian;
+#[cfg(test)]
+use lanes::Portable;
+use lanes::{Lanes, WIDTH, dispatch};
+pub use lanes::{SimdLevel, simd_level};
+pub use normal::{block_gram, normal_equations, project, weighted_normal_equations};
 pub use photometric::{light, multiply, unlight};
 pub use pixelwise::{
     absolute_distance, affine_product, ratio_variation, reciprocal, spss_curvature, spss_distance,
     spss_gradient, spss_losses, spss_self, weighted_difference,
 };
+pub use plane::PlaneView;
 pub use reduce::{
     add_scaled, combine, dot, moments, rescale, squared_distance, subtract, subtract_from, sum,
 };
 pub use robust::{add_steep, huber, keep_close, tukey, weighted_squares};
-pub use sample::{Border, Grid2, image_hessian, sample, sample_gradient, sample_reference};
+pub use sample::{Border, image_hessian, sample, sample_gradient, sample_reference};
 pub use scan::{SCAN_SLACK, correlate_along};
 pub use steepest::{Column, Covectors, steepest, steepest_reference};
 pub use tone::{

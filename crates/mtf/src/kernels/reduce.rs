@@ -80,11 +80,20 @@ fn rescale_lanes<V: Lanes>(x: &[f32], shift: f32, scale: f32, out: &mut [f32]) -
     let out = &mut out[..x.len()];
     let (shift, scale) = (V::splat(shift), V::splat(scale));
     let tail = x.len() % WIDTH;
-    let mut total = blocked::<V>(x.len() - tail, |i, acc| {
-        let d = V::load(&x[i..]).sub(shift).mul(scale);
-        d.store(&mut out[i..]);
-        d.mul_add(d, acc)
-    });
+    let whole = x.len() - tail;
+    let (mut total, mut start) = (0.0, 0);
+    while start < whole {
+        let end = (start + BLOCK).min(whole);
+        let mut acc = V::splat(0.0);
+        let groups = x[start..end].chunks_exact(WIDTH);
+        for (x, out) in groups.zip(out[start..end].chunks_exact_mut(WIDTH)) {
+            let d = V::load(x).sub(shift).mul(scale);
+            d.store(out);
+            acc = d.mul_add(d, acc);
+        }
+        total += acc.sum();
+        start = end;
+    }
     // The padding lanes of a partial load are not zero after the shift, so the tail is added up apart.
     if tail > 0 {
         let at = x.len() - tail;

@@ -1,6 +1,6 @@
 //! Bilinear sampling: value and analytic gradient from the same four taps, and the image Hessian.
 
-use super::{Lanes, WIDTH, dispatch};
+use super::{Lanes, PlaneView, WIDTH, dispatch};
 
 /// What lies outside the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,40 +14,12 @@ pub enum Border {
 /// Intensity of samples outside the image with [`Border::Constant`].
 pub const OUTSIDE: f32 = 128.0;
 
-/// One plane of an image: `data[y * stride + x]`, `stride > width`, with one spare row, all elements finite or not
-/// according to the image but readable.
-#[derive(Clone, Copy, Debug)]
-pub struct Grid2<'a> {
-    data: &'a [f32],
-    width: usize,
-    height: usize,
-    stride: usize,
-}
-
-impl<'a> Grid2<'a> {
-    /// Plane of `width` x `height` pixels; panics unless `data` holds `height + 1` rows of `stride > width`.
-    pub fn new(data: &'a [f32], width: usize, height: usize, stride: usize) -> Self {
-        assert!(width > 0 && height > 0 && stride > width && data.len() >= stride * (height + 1));
-        assert!(
-            data.len() <= i32::MAX as usize && width.max(height) < 1 << 24,
-            "image too large to index"
-        );
-        Grid2 {
-            data,
-            width,
-            height,
-            stride,
-        }
-    }
-    #[inline(always)]
-    fn at(&self, x: usize, y: usize) -> f32 {
-        self.data[y * self.stride + x]
-    }
+impl PlaneView<'_> {
     /// Value and gradient at one point: the definition, also taken by every group of points that touches the border
     /// or a pixel centre. `None`: outside with a constant border.
     #[inline(always)]
     fn point(&self, border: Border, x: f32, y: f32) -> Option<[f32; 3]> {
-        let (right, bottom) = ((self.width - 1) as f32, (self.height - 1) as f32);
+        let (right, bottom) = ((self.width() - 1) as f32, (self.height() - 1) as f32);
         let (mut x, mut y) = (x, y);
         let inside = x >= 0.0 && x <= right && y >= 0.0 && y <= bottom;
         let (mut free_x, mut free_y) = (1.0, 1.0);
@@ -67,12 +39,12 @@ impl<'a> Grid2<'a> {
         let (p00, p10) = (self.at(ix, iy), self.at(ix + 1, iy));
         let (p01, p11) = (self.at(ix, iy + 1), self.at(ix + 1, iy + 1));
         // Spare elements may hold anything: their weight is zero, which a NaN would survive.
-        let (p10, p11) = if ix + 1 == self.width {
+        let (p10, p11) = if ix + 1 == self.width() {
             (p00, p01)
         } else {
             (p10, p11)
         };
-        let (p01, p11) = if iy + 1 == self.height {
+        let (p01, p11) = if iy + 1 == self.height() {
             (p00, p10)
         } else {
             (p01, p11)
@@ -86,9 +58,9 @@ impl<'a> Grid2<'a> {
         // On a pixel centre the surface has a kink: the mean of the slopes on both sides, one side at the border.
         if dx == 0.0 && ix > 0 {
             let left = |y: usize| self.at(ix, y) - self.at(ix - 1, y);
-            let below = if iy + 1 == self.height { iy } else { iy + 1 };
+            let below = if iy + 1 == self.height() { iy } else { iy + 1 };
             let before = dy.mul_add(left(below) - left(iy), left(iy));
-            gx = if ix + 1 == self.width {
+            gx = if ix + 1 == self.width() {
                 before
             } else {
                 0.5 * (gx + before)
@@ -96,9 +68,9 @@ impl<'a> Grid2<'a> {
         }
         if dy == 0.0 && iy > 0 {
             let up = |x: usize| self.at(x, iy) - self.at(x, iy - 1);
-            let beside = if ix + 1 == self.width { ix } else { ix + 1 };
+            let beside = if ix + 1 == self.width() { ix } else { ix + 1 };
             let before = dx.mul_add(up(beside) - up(ix), up(ix));
-            gy = if iy + 1 == self.height {
+            gy = if iy + 1 == self.height() {
                 before
             } else {
                 0.5 * (gy + before)
@@ -110,10 +82,10 @@ impl<'a> Grid2<'a> {
 
 dispatch! {
     /// Bilinear values at `(x_i, y_i)` in pixels; returns how many points are outside the image.
-    pub fn sample(image: Grid2<'_>, border: Border, x: &[f32], y: &[f32], out: &mut [f32]) -> usize = sample_lanes;
+    pub fn sample(image: PlaneView<'_>, border: Border, x: &[f32], y: &[f32], out: &mut [f32]) -> usize = sample_lanes;
     /// Bilinear values and their analytic gradient `(∂I/∂x, ∂I/∂y)` per pixel; returns how many points are outside.
     pub fn sample_gradient(
-        image: Grid2<'_>, border: Border, x: &[f32], y: &[f32], out: &mut [f32], gx: &mut [f32], gy: &mut [f32],
+        image: PlaneView<'_>, border: Border, x: &[f32], y: &[f32], out: &mut [f32], gx: &mut [f32], gy: &mut [f32],
     ) -> usize = sample_gradient_lanes;
 }
 
@@ -121,18 +93,18 @@ dispatch! {
     /// What the kernels do where the fast path does not hold, apart from it so that it costs no registers.
     #[cold]
     #[inline(never)]
-    fn careful_values(image: Grid2<'_>, border: Border, x: &[f32], y: &[f32], out: &mut [f32]) -> usize =
+    fn careful_values(image: PlaneView<'_>, border: Border, x: &[f32], y: &[f32], out: &mut [f32]) -> usize =
         careful_value_lanes;
     #[cold]
     #[inline(never)]
-    fn careful(image: Grid2<'_>, border: Border, x: &[f32], y: &[f32], out: [&mut [f32]; 3]) -> usize = careful_lanes;
+    fn careful(image: PlaneView<'_>, border: Border, x: &[f32], y: &[f32], out: [&mut [f32]; 3]) -> usize = careful_lanes;
 }
 
 // The parameter is there for `dispatch!`, which compiles both for the instruction set.
 #[allow(clippy::extra_unused_type_parameters)]
 #[inline(always)]
 fn careful_value_lanes<V: Lanes>(
-    image: Grid2<'_>,
+    image: PlaneView<'_>,
     border: Border,
     x: &[f32],
     y: &[f32],
@@ -150,7 +122,7 @@ fn careful_value_lanes<V: Lanes>(
 #[allow(clippy::extra_unused_type_parameters)]
 #[inline(always)]
 fn careful_lanes<V: Lanes>(
-    image: Grid2<'_>,
+    image: PlaneView<'_>,
     border: Border,
     x: &[f32],
     y: &[f32],
@@ -167,10 +139,10 @@ fn careful_lanes<V: Lanes>(
 
 /// Fractions and the four taps of eight points; `None` when some point needs the careful path.
 #[inline(always)]
-fn taps<V: Lanes>(image: &Grid2<'_>, x: V, y: V, smooth: bool) -> Option<([V; 2], [V; 4])> {
+fn taps<V: Lanes>(image: &PlaneView<'_>, x: V, y: V, smooth: bool) -> Option<([V; 2], [V; 4])> {
     // Strictly below the last pixel, so that all four taps are pixels.
-    let right = V::splat((image.width - 1) as f32 * (1.0 - f32::EPSILON));
-    let bottom = V::splat((image.height - 1) as f32 * (1.0 - f32::EPSILON));
+    let right = V::splat((image.width() - 1) as f32 * (1.0 - f32::EPSILON));
+    let bottom = V::splat((image.height() - 1) as f32 * (1.0 - f32::EPSILON));
     let zero = V::splat(0.0);
     if !(x.all_within(zero, right) && y.all_within(zero, bottom)) {
         return None;
@@ -180,13 +152,16 @@ fn taps<V: Lanes>(image: &Grid2<'_>, x: V, y: V, smooth: bool) -> Option<([V; 2]
     if smooth && (dx.any_zero() || dy.any_zero()) {
         return None;
     }
-    // In bounds: 0 <= floor(x) <= width - 2 or, for a one-pixel-wide image, 0 with a spare column; the same in y.
-    Some(([dx, dy], unsafe { V::quads(image.data, image.stride, lx, ly) }))
+    // SAFETY: `0 <= x < width - 1` or, in an image one pixel wide, `x = 0`, as was just checked; so `floor(x)` and its right
+    // neighbour are pixels or the spare column. The same holds in y with the spare row. `PlaneView::new` has checked that the
+    // plane holds the spare column and row and has at most `i32::MAX` elements, and that sizes are exact in `f32`.
+    let quads = unsafe { V::quads(image.data(), image.stride(), lx, ly) };
+    Some(([dx, dy], quads))
 }
 
 #[inline(always)]
 pub(super) fn sample_lanes<V: Lanes>(
-    image: Grid2<'_>,
+    image: PlaneView<'_>,
     border: Border,
     x: &[f32],
     y: &[f32],
@@ -198,12 +173,16 @@ pub(super) fn sample_lanes<V: Lanes>(
     let mut i = 0;
     while i < n {
         if i + WIDTH <= n
-            && let Some(([dx, dy], [p00, p10, p01, p11])) =
-                taps(&image, V::load(&x[i..]), V::load(&y[i..]), false)
+            && let Some(([dx, dy], [p00, p10, p01, p11])) = taps(
+                &image,
+                V::load(&x[i..i + WIDTH]),
+                V::load(&y[i..i + WIDTH]),
+                false,
+            )
         {
             let upper = dx.mul_add(p10.sub(p00), p00);
             let lower = dx.mul_add(p11.sub(p01), p01);
-            dy.mul_add(lower.sub(upper), upper).store(&mut out[i..]);
+            dy.mul_add(lower.sub(upper), upper).store(&mut out[i..i + WIDTH]);
         } else {
             let at = i..n.min(i + WIDTH);
             outside += careful_values(image, border, &x[at.clone()], &y[at.clone()], &mut out[at]);
@@ -215,7 +194,7 @@ pub(super) fn sample_lanes<V: Lanes>(
 
 #[inline(always)]
 fn sample_gradient_lanes<V: Lanes>(
-    image: Grid2<'_>,
+    image: PlaneView<'_>,
     border: Border,
     x: &[f32],
     y: &[f32],
@@ -230,15 +209,15 @@ fn sample_gradient_lanes<V: Lanes>(
     while i < n {
         if i + WIDTH <= n
             && let Some(([dx, dy], [p00, p10, p01, p11])) =
-                taps(&image, V::load(&x[i..]), V::load(&y[i..]), true)
+                taps(&image, V::load(&x[i..i + WIDTH]), V::load(&y[i..i + WIDTH]), true)
         {
             let (top, bottom) = (p10.sub(p00), p11.sub(p01));
             let upper = dx.mul_add(top, p00);
             let lower = dx.mul_add(bottom, p01);
             let down = lower.sub(upper);
-            dy.mul_add(down, upper).store(&mut out[i..]);
-            dy.mul_add(bottom.sub(top), top).store(&mut gx[i..]);
-            down.store(&mut gy[i..]);
+            dy.mul_add(down, upper).store(&mut out[i..i + WIDTH]);
+            dy.mul_add(bottom.sub(top), top).store(&mut gx[i..i + WIDTH]);
+            down.store(&mut gy[i..i + WIDTH]);
         } else {
             let at = i..n.min(i + WIDTH);
             let to = [&mut out[at.clone()], &mut gx[at.clone()], &mut gy[at.clone()]];
@@ -254,7 +233,7 @@ fn sample_gradient_lanes<V: Lanes>(
 ///
 /// `value` holds the bilinear values at the points; `out` is `[Ixx, Ixy, Iyy]`, each of the points' length.
 pub fn image_hessian(
-    image: Grid2<'_>,
+    image: PlaneView<'_>,
     border: Border,
     h: f32,
     x: &[f32],
@@ -276,19 +255,19 @@ pub fn image_hessian(
 /// Slow references in `f64`: the bilinear surface and the Keys bicubic surface (a = -1/2, edges replicated), which is
 /// smooth and interpolates the same pixels. Points outside give 128.
 pub mod sample_reference {
-    use super::{Grid2, OUTSIDE};
+    use super::{OUTSIDE, PlaneView};
 
-    fn inside(image: &Grid2<'_>, x: f64, y: f64) -> bool {
-        x >= 0.0 && x <= (image.width - 1) as f64 && y >= 0.0 && y <= (image.height - 1) as f64
+    fn inside(image: &PlaneView<'_>, x: f64, y: f64) -> bool {
+        x >= 0.0 && x <= (image.width() - 1) as f64 && y >= 0.0 && y <= (image.height() - 1) as f64
     }
 
-    fn pixel(image: &Grid2<'_>, x: i64, y: i64) -> f64 {
+    fn pixel(image: &PlaneView<'_>, x: i64, y: i64) -> f64 {
         let clamp = |v: i64, n: usize| v.clamp(0, n as i64 - 1) as usize;
-        f64::from(image.at(clamp(x, image.width), clamp(y, image.height)))
+        f64::from(image.at(clamp(x, image.width()), clamp(y, image.height())))
     }
 
     /// Bilinear value.
-    pub fn bilinear(image: &Grid2<'_>, x: f64, y: f64) -> f64 {
+    pub fn bilinear(image: &PlaneView<'_>, x: f64, y: f64) -> f64 {
         if !inside(image, x, y) {
             return f64::from(OUTSIDE);
         }
@@ -299,7 +278,7 @@ pub mod sample_reference {
     }
 
     /// Bicubic value (Catmull-Rom).
-    pub fn cubic(image: &Grid2<'_>, x: f64, y: f64) -> f64 {
+    pub fn cubic(image: &PlaneView<'_>, x: f64, y: f64) -> f64 {
         if !inside(image, x, y) {
             return f64::from(OUTSIDE);
         }
@@ -329,8 +308,8 @@ mod tests {
     fn noise(w: usize, h: usize) -> Image {
         Image::from_fn(w, h, |x, y| ((x * 7919 + y * 104729) % 251) as f32)
     }
-    fn grid(image: &Image) -> Grid2<'_> {
-        Grid2::new(image.plane(0), image.width(), image.height(), image.stride())
+    fn grid(image: &Image) -> PlaneView<'_> {
+        image.view(0)
     }
 
     proptest! {

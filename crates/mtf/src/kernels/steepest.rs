@@ -68,7 +68,7 @@ fn steepest_lanes<V: Lanes>(
     out: &mut Jacobian,
 ) {
     let n = x.len();
-    let (data, stride) = out.data_mut();
+    let (data, stride) = (&mut out.data, out.stride);
     let mut carried = [[0.0; BLOCK]; 3];
     let mut start = 0;
     while start < n {

@@ -24,10 +24,6 @@ impl Window {
     pub fn len(&self) -> usize {
         self.cols * self.rows
     }
-    /// True when it holds no point.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
     fn centre(&self) -> [f32; 2] {
         [
             self.x as f32 + 0.5 * (self.cols as f32 - 1.0),

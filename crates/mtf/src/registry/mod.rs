@@ -3,35 +3,43 @@
 //! [`Registry::builtin`] holds every entry of the crate; users add their own models to a registry and use it with the
 //! same runner. This is the only module that knows all families.
 
-mod build;
 mod names;
 mod parts;
+mod prepare;
 mod resolve;
 mod spec;
+mod table;
 #[cfg(test)]
 mod tests;
 
-pub use names::suggest;
+pub use names::{hint, suggest};
 pub use spec::TrackerSpec;
 
-use crate::am::{AMS, AmEntry, AppearanceModel};
+use crate::am::{AMS, AmEntry, AmFamily, AppearanceModel};
 use crate::best;
-use crate::compose::{COMPOSITES, CompositeEntry, SHORT, ShortEntry};
-use crate::entry::Part;
-use crate::ilm::{ILMS, IlluminationModel, IlmEntry};
-use crate::params::ParamError;
-use crate::sm::{SMS, SmEntry};
-use crate::ssm::{SSMS, SsmEntry, StateSpaceModel};
-use names::{MethodName, select, select_ams};
-use resolve::Settings;
-use spec::plain_id;
+use crate::compose::{COMPOSITES, CompositeEntry, CompositeFamily, SHORT, ShortEntry, ShortFamily};
+use crate::entry::{Family, Part};
+use crate::ilm::{ILMS, IlluminationModel, IlmEntry, IlmFamily};
+use crate::params::{ParamError, ParamInfo};
+use crate::sm::{SMS, SmEntry, SmFamily};
+use crate::ssm::{SSMS, SsmEntry, SsmFamily, StateSpaceModel};
+use names::{Method, select, select_ams};
+use resolve::{Given, Models, Settings, coloured};
 use std::collections::BTreeSet;
+use table::Table;
+
+/// Search method of a tracker where none is named.
+pub const DEFAULT_SM: &str = "esm";
+/// Appearance model of a tracker where none is named.
+pub const DEFAULT_AM: &str = "ssd";
+/// State space model of a tracker where none is named.
+pub const DEFAULT_SSM: &str = "homography";
 
 /// Why a tracker cannot be named, or not be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SpecError {
     /// No model, group or alias of that name.
-    #[error("unknown {role} '{name}'{}", hint(.suggestion))]
+    #[error("unknown {role} '{name}'{}", hint(.suggestion.as_deref()))]
     UnknownName {
         /// "search method", "appearance model", ...
         role: &'static str,
@@ -41,7 +49,7 @@ pub enum SpecError {
         suggestion: Option<String>,
     },
     /// No parameter of that name in any tracker it could apply to.
-    #[error("unknown parameter '{name}'{}", hint(.suggestion))]
+    #[error("unknown parameter '{name}'{}", hint(.suggestion.as_deref()))]
     UnknownParam {
         /// Name given.
         name: String,
@@ -72,12 +80,6 @@ pub enum SpecError {
     /// Nothing was selected.
     #[error("no {0} selected")]
     Empty(&'static str),
-}
-
-fn hint(suggestion: &Option<String>) -> String {
-    suggestion
-        .as_ref()
-        .map_or(String::new(), |s| format!("; did you mean '{s}'?"))
 }
 
 /// What a user asks for: lists of names, groups and `all`; expressions; parameter assignments.
@@ -119,12 +121,12 @@ pub struct Expansion {
 /// All models that trackers can be built from.
 #[derive(Clone)]
 pub struct Registry {
-    sms: Vec<SmEntry>,
-    ams: Vec<AmEntry>,
-    ssms: Vec<SsmEntry>,
-    ilms: Vec<IlmEntry>,
-    composites: Vec<CompositeEntry>,
-    short: Vec<ShortEntry>,
+    sms: Table<SmFamily>,
+    ams: Table<AmFamily>,
+    ssms: Table<SsmFamily>,
+    ilms: Table<IlmFamily>,
+    composites: Table<CompositeFamily>,
+    short: Table<ShortFamily>,
 }
 
 impl Default for Registry {
@@ -136,128 +138,221 @@ impl Default for Registry {
 impl Registry {
     /// Every model of the crate.
     pub fn builtin() -> Self {
-        Registry {
-            sms: SMS.to_vec(),
-            ams: AMS.to_vec(),
-            ssms: SSMS.to_vec(),
-            ilms: ILMS.to_vec(),
-            composites: COMPOSITES.iter().chain([&best::ENTRY]).cloned().collect(),
-            short: SHORT.to_vec(),
-        }
+        let mut registry = Registry {
+            sms: Table::new(SMS.iter().cloned()),
+            ams: Table::new(AMS.iter().cloned()),
+            ssms: Table::new(SSMS.iter().cloned()),
+            ilms: Table::new(ILMS.iter().cloned()),
+            composites: Table::new(COMPOSITES.iter().chain([&best::ENTRY]).cloned()),
+            short: Table::new(SHORT.iter().cloned()),
+        };
+        registry.allow_names();
+        registry
     }
 
     /// Adds an appearance model; it is used like any other.
     pub fn add_am<M: AppearanceModel + Part>(&mut self) -> &mut Self {
-        self.ams.push(AmEntry::of::<M>());
+        self.add_am_entry(AmEntry::of::<M>())
+    }
+
+    /// Adds an appearance model by its row: one that is made of others, say.
+    pub fn add_am_entry(&mut self, entry: AmEntry) -> &mut Self {
+        self.ams.push(entry);
+        self.allow_names();
         self
     }
 
     /// Adds a state space model.
     pub fn add_ssm<M: StateSpaceModel + Part>(&mut self) -> &mut Self {
         self.ssms.push(SsmEntry::of::<M>());
+        self.allow_names();
         self
     }
 
     /// Adds an illumination model.
     pub fn add_ilm<M: IlluminationModel + Part>(&mut self) -> &mut Self {
         self.ilms.push(IlmEntry::of::<M>());
+        self.allow_names();
         self
     }
 
     /// Adds a search method.
     pub fn add_sm(&mut self, entry: SmEntry) -> &mut Self {
         self.sms.push(entry);
+        self.allow_names();
         self
+    }
+
+    /// Adds a kind of composite tracker.
+    pub fn add_composite(&mut self, entry: CompositeEntry) -> &mut Self {
+        self.composites.push(entry);
+        self.allow_names();
+        self
+    }
+
+    /// Adds a short name for a composite.
+    pub fn add_short(&mut self, entry: ShortEntry) -> &mut Self {
+        self.short.push(entry);
+        self
+    }
+
+    /// Tells the tables of parameters which names there are.
+    fn allow_names(&mut self) {
+        let allowed = [
+            (AmFamily::ROLE, AmFamily::names_allowed(self.ams())),
+            (SsmFamily::ROLE, SsmFamily::names_allowed(self.ssms())),
+            (IlmFamily::ROLE, IlmFamily::names_allowed(self.ilms())),
+        ];
+        for (role, allowed) in allowed {
+            self.sms.allow_names(role, &allowed);
+            self.ams.allow_names(role, &allowed);
+            self.ssms.allow_names(role, &allowed);
+            self.ilms.allow_names(role, &allowed);
+            self.composites.allow_names(role, &allowed);
+        }
     }
 
     /// Search methods.
     pub fn sms(&self) -> &[SmEntry] {
-        &self.sms
+        self.sms.entries()
     }
     /// Appearance models.
     pub fn ams(&self) -> &[AmEntry] {
-        &self.ams
+        self.ams.entries()
     }
     /// State space models.
     pub fn ssms(&self) -> &[SsmEntry] {
-        &self.ssms
+        self.ssms.entries()
     }
     /// Illumination models, the entry for none among them.
     pub fn ilms(&self) -> &[IlmEntry] {
-        &self.ilms
+        self.ilms.entries()
     }
-
     /// Kinds of composite trackers.
     pub fn composites(&self) -> &[CompositeEntry] {
-        &self.composites
+        self.composites.entries()
     }
     /// Search methods that are short for composites.
     pub fn short(&self) -> &[ShortEntry] {
-        &self.short
+        self.short.entries()
+    }
+
+    /// Every parameter, under the names by which it can be qualified: the tag of its family and the name of its row, as in
+    /// `sm.esm.max_iters`.
+    pub fn params(&self) -> Vec<(&'static str, &'static str, &ParamInfo)> {
+        fn of<'r, F: Family>(
+            tag: &'static str,
+            table: &'r Table<F>,
+        ) -> impl Iterator<Item = (&'static str, &'static str, &'r ParamInfo)> {
+            let rows = table.rows().into_iter();
+            rows.flat_map(move |row| row.infos.iter().map(move |info| (tag, row.name, info)))
+        }
+        of("sm", &self.sms)
+            .chain(of("composite", &self.composites))
+            .chain(of("am", &self.ams))
+            .chain(of("ssm", &self.ssms))
+            .chain(of("ilm", &self.ilms))
+            .collect()
     }
 
     /// Appearance models of a list of names (`all` for every one).
+    ///
+    /// # Errors
+    /// A name is unknown, or there is none.
     pub fn select_ams(&self, list: &str) -> Result<Vec<&AmEntry>, SpecError> {
-        select(&self.ams, &[list.to_owned()])
+        entries(&self.ams, list)
     }
     /// State space models of a list of names.
+    ///
+    /// # Errors
+    /// A name is unknown, or there is none.
     pub fn select_ssms(&self, list: &str) -> Result<Vec<&SsmEntry>, SpecError> {
-        select(&self.ssms, &[list.to_owned()])
+        entries(&self.ssms, list)
     }
-
     /// Illumination models of a list of names.
+    ///
+    /// # Errors
+    /// A name is unknown, or there is none.
     pub fn select_ilms(&self, list: &str) -> Result<Vec<&IlmEntry>, SpecError> {
-        select(&self.ilms, &[list.to_owned()])
+        entries(&self.ilms, list)
     }
 
-    fn methods(&self) -> Vec<MethodName> {
-        let short = self.short.iter().map(MethodName::from);
-        self.sms.iter().map(MethodName::from).chain(short).collect()
+    /// Everything that can stand in the place of a search method.
+    fn methods(&self) -> Vec<Method<'_>> {
+        let short = self.short.rows().into_iter().map(Method::Short);
+        self.sms
+            .rows()
+            .into_iter()
+            .map(Method::Single)
+            .chain(short)
+            .collect()
     }
 
-    /// Parses an expression such as `esm/ssd/homography{max_iters=50}` or `cascade(nn/ncc/homography, esm/ncc/homography)`.
+    /// What stands in the place of a search method, by name; short names come first.
+    fn method(&self, name: &str) -> Option<Method<'_>> {
+        let short = self.short.find(name).map(Method::Short);
+        short.or_else(|| self.sms.find(name).map(Method::Single))
+    }
+
+    /// Parses an expression such as `esm/ssd/homography{max_iters=50}`, `cascade(nn/ncc/homography, esm/ncc/homography)`, or
+    /// `lmes` for `lmes/ssd/homography`.
+    ///
+    /// # Errors
+    /// It is none, or names what the registry does not know.
     pub fn parse(&self, text: &str) -> Result<TrackerSpec, SpecError> {
-        self.parse_with(text, &mut Settings::new(&[]))
+        Ok(self.resolve_text(text, &mut Settings::new(&[]))?.spec())
     }
 
-    /// Expands a selection into trackers. Combinations that cannot work are listed as refused; it is an error when an
-    /// expression is one, or when nothing else remains.
+    /// Expands a selection into trackers. Combinations that cannot work are listed as refused.
+    ///
+    /// # Errors
+    /// An expression cannot work, nothing else remains, or something is named that the registry does not know.
     pub fn expand(&self, selection: &Selection) -> Result<Expansion, SpecError> {
         let mut out = Expansion::default();
         let mut seen = BTreeSet::new();
         let mut settings = Settings::new(&selection.set);
-        let mut combinations = Vec::new();
         let lists = [&selection.sm, &selection.am, &selection.ssm, &selection.ilm];
         if selection.trackers.is_empty() || lists.iter().any(|l| !l.is_empty()) {
             let none = [IlmEntry::NONE.name.to_owned()];
-            let ilms = if selection.ilm.is_empty() {
-                &none[..]
-            } else {
-                &selection.ilm
+            let ilms = match selection.ilm.is_empty() {
+                true => &none[..],
+                false => &selection.ilm,
             };
-            for sm in select(&self.methods(), &selection.sm)? {
-                for (am, colour) in select_ams(&self.ams, &selection.am)? {
-                    for ilm in select(&self.ilms, ilms)? {
-                        for ssm in select(&self.ssms, &selection.ssm)? {
-                            let am = format!("{}{}", if colour { "mc" } else { "" }, am.name);
-                            combinations.push((plain_id(sm.name, &am, ilm.name, ssm.name), true));
+            let sms = select(self.methods(), &selection.sm)?;
+            let ams = select_ams(&self.ams, &selection.am)?;
+            let (ilms, ssms) = (
+                select(self.ilms.rows(), ilms)?,
+                select(self.ssms.rows(), &selection.ssm)?,
+            );
+            for &sm in &sms {
+                for &(am, colour) in &ams {
+                    for &ilm in &ilms {
+                        for &ssm in &ssms {
+                            let given = coloured((am, colour), Given::new())?;
+                            let models = Models { am, ilm, ssm };
+                            let tracker = self.resolve_single(sm, models, given, &mut settings)?;
+                            let spec = tracker.spec();
+                            if !seen.insert(spec.clone()) {
+                                continue;
+                            }
+                            match self.make(&tracker) {
+                                Ok(_) => out.specs.push(spec),
+                                Err(SpecError::Refused { id, reason }) => {
+                                    out.refused.push(Refusal { id, reason });
+                                }
+                                Err(e) => return Err(e),
+                            }
                         }
                     }
                 }
             }
         }
-        combinations.extend(selection.trackers.iter().map(|text| (text.clone(), false)));
-        for (text, product) in combinations {
-            let spec = self.parse_with(&text, &mut settings)?;
-            if !seen.insert(spec.clone()) {
-                continue;
-            }
-            match self.build(&spec) {
-                Ok(_) => out.specs.push(spec),
-                Err(SpecError::Refused { id, reason }) if product => {
-                    out.refused.push(Refusal { id, reason });
-                }
-                Err(e) => return Err(e),
+        for text in &selection.trackers {
+            let tracker = self.resolve_text(text, &mut settings)?;
+            let spec = tracker.spec();
+            if seen.insert(spec.clone()) {
+                self.make(&tracker)?;
+                out.specs.push(spec);
             }
         }
         settings.check()?;
@@ -269,4 +364,13 @@ impl Registry {
             _ => Ok(out),
         }
     }
+}
+
+/// The entries of a list of names.
+fn entries<'r, F: Family>(
+    table: &'r Table<F>,
+    list: &str,
+) -> Result<Vec<&'r crate::entry::Entry<F>>, SpecError> {
+    let rows = select(table.rows(), &[list.to_owned()])?;
+    Ok(rows.into_iter().map(table::Row::entry).collect())
 }

@@ -1,111 +1,56 @@
-//! Looking up entries by name, alias, group or `all`, the same way in each family.
+//! Looking up rows by name, alias, group or `all`, the same way in each family.
 
 use super::SpecError;
-use crate::am::AmEntry;
-use crate::compose::{CompositeEntry, ShortEntry};
-use crate::entry::{Entry, Family};
-use crate::sm::SmEntry;
+use super::table::{Row, Table};
+use crate::am::AmFamily;
+use crate::compose::ShortFamily;
+use crate::sm::SmFamily;
 
-/// Entry of a family, for look-ups that are the same in each.
+/// Something with a name, for look-ups that are the same in each family.
 pub(super) trait Named {
     const ROLE: &'static str;
     fn name(&self) -> &'static str;
     fn aliases(&self) -> &'static [&'static str];
-    fn groups(&self) -> &'static [&'static str] {
-        &[]
-    }
+    fn groups(&self) -> &'static [&'static str];
     /// Whether `all` includes it.
-    fn listed(&self) -> bool {
-        true
-    }
+    fn listed(&self) -> bool;
 }
 
-impl<F: Family> Named for Entry<F> {
-    const ROLE: &'static str = F::ROLE;
+/// What `--sm` may name.
+#[derive(Clone, Copy)]
+pub(super) enum Method<'r> {
+    /// A single-layer search method.
+    Single(Row<'r, SmFamily>),
+    /// A composite by its short name.
+    Short(Row<'r, ShortFamily>),
+}
+
+impl Named for Method<'_> {
+    const ROLE: &'static str = <Row<'_, SmFamily> as Named>::ROLE;
     fn name(&self) -> &'static str {
-        self.name
-    }
-    fn aliases(&self) -> &'static [&'static str] {
-        self.aliases
-    }
-    fn groups(&self) -> &'static [&'static str] {
-        self.groups
-    }
-    fn listed(&self) -> bool {
-        Entry::listed(self)
-    }
-}
-
-impl Named for CompositeEntry {
-    const ROLE: &'static str = "composite tracker";
-    fn name(&self) -> &'static str {
-        self.name
-    }
-    fn aliases(&self) -> &'static [&'static str] {
-        self.aliases
-    }
-}
-
-impl Named for ShortEntry {
-    const ROLE: &'static str = "search method";
-    fn name(&self) -> &'static str {
-        self.name
-    }
-    fn aliases(&self) -> &'static [&'static str] {
-        self.aliases
-    }
-    fn groups(&self) -> &'static [&'static str] {
-        self.groups
-    }
-    fn listed(&self) -> bool {
-        !self.groups.is_empty()
-    }
-}
-
-/// What `--sm` may name: single-layer search methods, and those that are short for composites.
-pub(super) struct MethodName {
-    pub name: &'static str,
-    aliases: &'static [&'static str],
-    groups: &'static [&'static str],
-    single: bool,
-}
-
-impl From<&SmEntry> for MethodName {
-    fn from(e: &SmEntry) -> Self {
-        MethodName {
-            name: e.name,
-            aliases: e.aliases,
-            groups: e.groups,
-            single: e.listed(),
+        match self {
+            Method::Single(row) => row.name(),
+            Method::Short(row) => row.name(),
         }
     }
-}
-
-impl From<&ShortEntry> for MethodName {
-    fn from(e: &ShortEntry) -> Self {
-        MethodName {
-            name: e.name,
-            aliases: e.aliases,
-            groups: e.groups,
-            single: false,
+    fn aliases(&self) -> &'static [&'static str] {
+        match self {
+            Method::Single(row) => row.aliases(),
+            Method::Short(row) => row.aliases(),
         }
     }
-}
-
-impl Named for MethodName {
-    const ROLE: &'static str = SmEntry::ROLE;
-    fn name(&self) -> &'static str {
-        self.name
-    }
-    fn aliases(&self) -> &'static [&'static str] {
-        self.aliases
-    }
     fn groups(&self) -> &'static [&'static str] {
-        self.groups
+        match self {
+            Method::Single(row) => row.groups(),
+            Method::Short(row) => row.groups(),
+        }
     }
     /// `all` is every single-layer method: composites have no end.
     fn listed(&self) -> bool {
-        self.single
+        match self {
+            Method::Single(row) => row.listed(),
+            Method::Short(_) => false,
+        }
     }
 }
 
@@ -119,14 +64,19 @@ pub fn suggest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
         .map(|(_, k)| k.to_owned())
 }
 
-pub(super) fn find<'a, E: Named>(entries: &'a [E], name: &str) -> Option<&'a E> {
-    entries
-        .iter()
-        .find(|e| e.name() == name || e.aliases().contains(&name))
+/// The end of a message about an unknown name: `; did you mean 'esm'?`, or nothing.
+pub fn hint(suggestion: Option<&str>) -> String {
+    suggestion.map_or(String::new(), |s| format!("; did you mean '{s}'?"))
 }
 
-fn known<E: Named>(entries: &[E]) -> impl Iterator<Item = &str> {
-    let names = entries.iter().flat_map(|e| {
+/// Whether `name` is the name of `e` or an alias.
+pub(super) fn is_called(e: &impl Named, name: &str) -> bool {
+    e.name() == name || e.aliases().contains(&name)
+}
+
+/// Names, aliases and groups of rows, and `all`.
+pub(super) fn known<E: Named>(rows: &[E]) -> impl Iterator<Item = &'static str> {
+    let names = rows.iter().flat_map(|e| {
         std::iter::once(e.name())
             .chain(e.aliases().iter().copied())
             .chain(e.groups().iter().copied())
@@ -134,69 +84,69 @@ fn known<E: Named>(entries: &[E]) -> impl Iterator<Item = &str> {
     names.chain(["all"])
 }
 
-pub(super) fn unknown<E: Named>(entries: &[E], name: &str) -> SpecError {
-    let suggestion = suggest(name, known(entries));
+pub(super) fn unknown<E: Named>(rows: &[E], name: &str) -> SpecError {
     SpecError::UnknownName {
         role: E::ROLE,
         name: name.to_owned(),
-        suggestion,
+        suggestion: suggest(name, known(rows)),
     }
 }
 
 /// What a name of an appearance model stands for: `mc` before any of them (or its aliases) means all three channels.
-pub(super) fn find_am<'a>(ams: &'a [AmEntry], name: &str) -> Option<(&'a AmEntry, bool)> {
-    let colour = || name.strip_prefix("mc").and_then(|rest| find(ams, rest));
-    find(ams, name)
-        .map(|e| (e, false))
-        .or_else(|| colour().map(|e| (e, true)))
+pub(super) fn find_am<'r>(ams: &'r Table<AmFamily>, name: &str) -> Option<(Row<'r, AmFamily>, bool)> {
+    let colour = || name.strip_prefix("mc").and_then(|rest| ams.find(rest));
+    ams.find(name)
+        .map(|row| (row, false))
+        .or_else(|| colour().map(|row| (row, true)))
 }
 
-/// As [`select`], with names of colour models; says which entries are to have three channels.
-pub(super) fn select_ams<'a>(
-    ams: &'a [AmEntry],
+/// As [`select`], with names of colour models; says which are to have three channels.
+pub(super) fn select_ams<'r>(
+    ams: &'r Table<AmFamily>,
     list: &[String],
-) -> Result<Vec<(&'a AmEntry, bool)>, SpecError> {
-    let mut out: Vec<(&AmEntry, bool)> = Vec::new();
+) -> Result<Vec<(Row<'r, AmFamily>, bool)>, SpecError> {
+    let mut out: Vec<(Row<'r, AmFamily>, bool)> = Vec::new();
     for item in list.iter().flat_map(|l| l.split(',')) {
         let item = item.trim().to_ascii_lowercase();
         let chosen = match find_am(ams, &item) {
             Some(found) => vec![found],
             None if item.is_empty() => Vec::new(),
-            None => select(ams, &[item])?.into_iter().map(|e| (e, false)).collect(),
+            None => select(ams.rows(), &[item])?
+                .into_iter()
+                .map(|row| (row, false))
+                .collect(),
         };
-        for (e, colour) in chosen {
-            if !out.iter().any(|(o, c)| (o.name, *c) == (e.name, colour)) {
-                out.push((e, colour));
+        for (row, colour) in chosen {
+            if !out.iter().any(|(o, c)| (o.name, *c) == (row.name, colour)) {
+                out.push((row, colour));
             }
         }
     }
-    if out.is_empty() {
-        Err(SpecError::Empty(AmEntry::ROLE))
-    } else {
-        Ok(out)
+    match out.is_empty() {
+        true => Err(SpecError::Empty(<Row<'_, AmFamily> as Named>::ROLE)),
+        false => Ok(out),
     }
 }
 
-/// Entries named by a list: names, aliases, groups, `all`, separated by commas; each once, in the order given.
-pub(super) fn select<'a, E: Named>(entries: &'a [E], list: &[String]) -> Result<Vec<&'a E>, SpecError> {
-    let mut out: Vec<&E> = Vec::new();
+/// Those of the rows that a list names: names, aliases, groups, `all`, separated by commas; each once, in the order given.
+pub(super) fn select<E: Named + Copy>(rows: Vec<E>, list: &[String]) -> Result<Vec<E>, SpecError> {
+    let mut out: Vec<E> = Vec::new();
     let items = list
         .iter()
         .flat_map(|l| l.split(','))
         .map(|s| s.trim().to_ascii_lowercase());
     for item in items.filter(|s| !s.is_empty()) {
-        let chosen: Vec<&E> = if item == "all" {
-            entries.iter().filter(|e| e.listed()).collect()
-        } else if let Some(e) = find(entries, &item) {
-            vec![e]
+        let named = |e: &&E| is_called(*e, &item);
+        let chosen: Vec<E> = if item == "all" {
+            rows.iter().filter(|e| e.listed()).copied().collect()
+        } else if let Some(e) = rows.iter().find(named) {
+            vec![*e]
         } else {
-            entries
-                .iter()
-                .filter(|e| e.groups().contains(&item.as_str()))
-                .collect()
+            let grouped = rows.iter().filter(|e| e.groups().contains(&item.as_str()));
+            grouped.copied().collect()
         };
         if chosen.is_empty() {
-            return Err(unknown(entries, &item));
+            return Err(unknown(&rows, &item));
         }
         for e in chosen {
             if !out.iter().any(|o| o.name() == e.name()) {
@@ -204,9 +154,8 @@ pub(super) fn select<'a, E: Named>(entries: &'a [E], list: &[String]) -> Result<
             }
         }
     }
-    if out.is_empty() {
-        Err(SpecError::Empty(E::ROLE))
-    } else {
-        Ok(out)
+    match out.is_empty() {
+        true => Err(SpecError::Empty(E::ROLE)),
+        false => Ok(out),
     }
 }

@@ -1,21 +1,27 @@
-//! From the notation to a tracker of known names and canonical parameters.
+//! From the notation, or a tracker's name, to the rows it is made of and checked values of their parameters.
 
-use super::names::{find, find_am, suggest, unknown};
-use super::parts::{Parts, kept, meant, own};
-use super::spec::{Node, TrackerSpec, plain_id};
-use super::{Registry, SpecError};
-use crate::compose::{CompositeEntry, ShortEntry};
+use super::names::{Method, find_am, is_called, known, suggest, unknown};
+use super::parts::{Owner, Parts, Values};
+use super::spec::{Node, TrackerSpec};
+use super::table::Row;
+use super::{DEFAULT_AM, DEFAULT_SSM, Registry, SpecError};
+use crate::am::AmFamily;
+use crate::compose::{CompositeFamily, ShortFamily};
+use crate::entry::Family;
 use crate::expr::{self, Expr, Head, Word};
-use crate::ilm::IlmEntry;
-use crate::params::{ParamError, ParamInfo};
-use std::collections::BTreeMap;
+use crate::ilm::{IlmEntry, IlmFamily};
+use crate::params::ParamError;
+use crate::ssm::SsmFamily;
+
+/// Names of parameters, as users write them, with values.
+pub(super) type Given = Vec<(String, String)>;
 
 /// Parameter assignments for every tracker that they fit, and what became of them.
 pub(super) struct Settings<'a> {
     list: &'a [(String, String)],
     used: Vec<bool>,
-    /// Parameters of all trackers met.
-    known: Vec<ParamInfo>,
+    /// Names of the parameters of all trackers met.
+    known: Vec<&'static str>,
 }
 
 impl<'a> Settings<'a> {
@@ -28,54 +34,155 @@ impl<'a> Settings<'a> {
     }
 
     /// Those that fit a tracker with these parameters, under their bare names.
-    fn fitting(
-        &mut self,
-        infos: &[ParamInfo],
-        resolve: impl for<'n> Fn(&'n str) -> Option<&'n str>,
-    ) -> BTreeMap<String, String> {
-        self.known.extend_from_slice(infos);
-        let mut params = BTreeMap::new();
-        for ((name, value), used) in self.list.iter().zip(&mut self.used) {
-            if let Some(bare) = resolve(name) {
-                *used = true;
-                params.insert(bare.to_owned(), value.clone());
+    fn fitting(&mut self, owners: &[Owner<'_>]) -> Values {
+        let mut values = Values::new();
+        if self.list.is_empty() {
+            return values;
+        }
+        for info in owners.iter().flat_map(|o| o.infos) {
+            if !self.known.contains(&info.name) {
+                self.known.push(info.name);
             }
         }
-        params
+        for ((name, value), used) in self.list.iter().zip(&mut self.used) {
+            if let Some(bare) = meant(owners, name) {
+                *used = true;
+                values.insert(bare.to_owned(), value.clone());
+            }
+        }
+        values
     }
 
     /// An error for the first one that fitted nothing.
     pub fn check(&self) -> Result<(), SpecError> {
         match self.list.iter().zip(&self.used).find(|(_, used)| !**used) {
-            Some(((name, _), _)) => Err(unknown_param(name, &self.known)),
+            Some(((name, _), _)) => Err(unknown_param(name, self.known.iter().copied())),
             None => Ok(()),
         }
     }
 }
 
-fn unknown_param(name: &str, params: &[ParamInfo]) -> SpecError {
+/// The parameter that a possibly qualified name means among those of several rows.
+fn meant(owners: &[Owner<'_>], name: &str) -> Option<&'static str> {
+    owners.iter().find_map(|o| o.meant(name)).map(|info| info.name)
+}
+
+fn unknown_param(name: &str, known: impl IntoIterator<Item = &'static str>) -> SpecError {
     let bare = name.rsplit('.').next().unwrap_or(name);
     SpecError::UnknownParam {
         name: name.to_owned(),
-        suggestion: suggest(bare, params.iter().map(|p| p.name)),
+        suggestion: suggest(bare, known),
     }
 }
 
-/// Names of a single-layer tracker in a text.
-#[derive(Clone, Copy)]
-struct Names<'e> {
-    sm: &'e Word,
-    am: &'e Word,
-    ilm: Option<&'e Word>,
-    ssm: &'e Word,
+fn names<'r>(owners: &[Owner<'r>]) -> impl Iterator<Item = &'static str> + use<'r> {
+    let names: Vec<&str> = owners.iter().flat_map(|o| o.infos).map(|i| i.name).collect();
+    names.into_iter()
 }
 
+/// The models of a tracker.
+#[derive(Clone, Copy)]
+pub(super) struct Models<'r> {
+    pub am: Row<'r, AmFamily>,
+    pub ilm: Row<'r, IlmFamily>,
+    pub ssm: Row<'r, SsmFamily>,
+}
+
+/// A tracker whose rows have been found. Values are canonical, and only those that differ from the defaults.
+pub(super) enum Resolved<'r> {
+    /// A search method with its models.
+    Single {
+        /// Its rows.
+        parts: Parts<'r>,
+        /// Its parameters.
+        values: Values,
+    },
+    /// Trackers made one.
+    Composite {
+        /// Which kind.
+        row: Row<'r, CompositeFamily>,
+        /// Its members.
+        members: Vec<Resolved<'r>>,
+        /// Its own parameters.
+        values: Values,
+    },
+    /// A composite under its short name.
+    Short {
+        /// The short name.
+        row: Row<'r, ShortFamily>,
+        /// Its models.
+        models: Models<'r>,
+        /// The values that change the composite, under the names by which they were given.
+        values: Values,
+        /// The composite.
+        whole: Box<Resolved<'r>>,
+    },
+}
+
+impl<'r> Resolved<'r> {
+    /// What it is called.
+    pub fn spec(&self) -> TrackerSpec {
+        let single = |sm: &str, am: &str, ilm: &str, ssm: &str| Node::Single {
+            sm: sm.to_owned(),
+            am: am.to_owned(),
+            ilm: ilm.to_owned(),
+            ssm: ssm.to_owned(),
+        };
+        let (node, params) = match self {
+            Resolved::Single { parts, values } => {
+                let Parts { sm, am, ilm, ssm } = parts;
+                (single(sm.name, am.name, ilm.name, ssm.name), values)
+            }
+            Resolved::Short {
+                row, models, values, ..
+            } => {
+                let Models { am, ilm, ssm } = models;
+                (single(row.name, am.name, ilm.name, ssm.name), values)
+            }
+            Resolved::Composite { row, members, values } => {
+                let node = Node::Composite {
+                    name: row.name.to_owned(),
+                    members: members.iter().map(Resolved::spec).collect(),
+                };
+                (node, values)
+            }
+        };
+        TrackerSpec {
+            node,
+            params: params.clone(),
+        }
+    }
+
+    /// Its search method, short name or kind of composite.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Resolved::Single { parts, .. } => parts.sm.name,
+            Resolved::Composite { row, .. } => row.name,
+            Resolved::Short { row, .. } => row.name,
+        }
+    }
+
+    /// The rows whose parameters are its own, its members' apart, and the values of these. Those of a short name are the
+    /// composite's.
+    pub fn own(&self) -> (Vec<Owner<'r>>, &Values) {
+        match self {
+            Resolved::Single { parts, values } => (parts.owners().to_vec(), values),
+            Resolved::Composite { row, values, .. } => (vec![Owner::new("composite", *row)], values),
+            Resolved::Short { whole, .. } => whole.own(),
+        }
+    }
+}
+
+/// Where a text departs from the notation, and what was expected there.
+type Fault<'a> = dyn Fn(usize, String) -> SpecError + 'a;
+
 impl Registry {
-    pub(super) fn parse_with(
+    /// The tracker that a text names.
+    pub(super) fn resolve_text(
         &self,
         text: &str,
         settings: &mut Settings<'_>,
-    ) -> Result<TrackerSpec, SpecError> {
+    ) -> Result<Resolved<'_>, SpecError> {
         let fault = |at, expected: String| SpecError::Syntax {
             text: text.to_owned(),
             at,
@@ -85,190 +192,331 @@ impl Registry {
         self.resolve(&expr, settings, &fault)
     }
 
+    /// The tracker of that name, whose parameters have been checked.
+    pub(super) fn resolved(&self, spec: &TrackerSpec) -> Result<Resolved<'_>, SpecError> {
+        let values = spec.params.clone();
+        match &spec.node {
+            Node::Composite { name, members } => Ok(Resolved::Composite {
+                row: self.composites.get(name)?,
+                members: members
+                    .iter()
+                    .map(|m| self.resolved(m))
+                    .collect::<Result<_, _>>()?,
+                values,
+            }),
+            Node::Single { sm, am, ilm, ssm } => {
+                let sm = self.method(sm).ok_or_else(|| unknown(&self.methods(), sm))?;
+                let (am, ilm, ssm) = (self.ams.get(am)?, self.ilms.get(ilm)?, self.ssms.get(ssm)?);
+                match sm {
+                    Method::Short(row) => {
+                        let models = Models { am, ilm, ssm };
+                        let list: Given = values.clone().into_iter().collect();
+                        let whole = self.resolve_text(&text(row, models), &mut Settings::new(&list))?;
+                        Ok(Resolved::Short {
+                            row,
+                            models,
+                            values,
+                            whole: Box::new(whole),
+                        })
+                    }
+                    Method::Single(sm) => {
+                        let parts = Parts { sm, am, ilm, ssm };
+                        Ok(Resolved::Single { parts, values })
+                    }
+                }
+            }
+        }
+    }
+
+    /// The same tracker with other values of those parameters, its own or its members', that it has.
+    pub(super) fn with<'r>(
+        &'r self,
+        tracker: &Resolved<'r>,
+        more: &Given,
+    ) -> Result<Resolved<'r>, SpecError> {
+        let (owners, values) = tracker.own();
+        let mut values = values.clone();
+        values.extend(Settings::new(more).fitting(&owners));
+        let values = self.kept(&owners, values)?;
+        Ok(match tracker {
+            Resolved::Single { parts, .. } => Resolved::Single {
+                parts: *parts,
+                values,
+            },
+            Resolved::Composite { row, members, .. } => Resolved::Composite {
+                row: *row,
+                members: members
+                    .iter()
+                    .map(|m| self.with(m, more))
+                    .collect::<Result<_, _>>()?,
+                values,
+            },
+            Resolved::Short { whole, .. } => self.with(whole, more)?,
+        })
+    }
+
     fn resolve(
         &self,
         expr: &Expr,
         settings: &mut Settings<'_>,
-        fault: &dyn Fn(usize, String) -> SpecError,
-    ) -> Result<TrackerSpec, SpecError> {
+        fault: &Fault<'_>,
+    ) -> Result<Resolved<'_>, SpecError> {
+        let given = || -> Given {
+            let settings = expr.settings.iter();
+            settings.map(|(n, v)| (n.text.clone(), v.clone())).collect()
+        };
         match &expr.head {
+            Head::Bare { name } => self.resolve_bare(name, given(), settings, fault),
             Head::Composite { name, members } => {
-                let Some(entry) = find(&self.composites, &name.text) else {
-                    return Err(if find(&self.methods(), &name.text).is_some() {
-                        fault(
-                            name.at + name.text.len(),
-                            "'/' and an appearance model".to_owned(),
-                        )
-                    } else {
-                        unknown(&self.composites, &name.text)
+                let Some(row) = self.composites.find(&name.text) else {
+                    return Err(match self.method(&name.text) {
+                        Some(_) => fault(after(name), "'/' and an appearance model".to_owned()),
+                        None => unknown(&self.composites.rows(), &name.text),
                     });
                 };
-                let (least, most) = entry.members;
+                let (least, most) = row.family.members;
                 if !(least..=most).contains(&members.len()) {
-                    let expected = match (least, most) {
-                        (0, 0) => format!("no members of {}", entry.name),
-                        (l, m) if l == m => format!("{l} members of {}", entry.name),
-                        (l, m) => format!("{l} to {m} members of {}", entry.name),
-                    };
-                    return Err(fault(name.at + name.text.len(), expected));
+                    return Err(fault(after(name), members_of(row)));
                 }
-                let infos = (entry.params)();
-                fn named<'n>(entry: &CompositeEntry, name: &'n str) -> Option<&'n str> {
-                    meant(name, "composite", entry.name, entry.aliases, entry.params)
-                }
-                let mut params = settings.fitting(&infos, |name| named(entry, name));
-                for (name, value) in &expr.settings {
-                    let bare = named(entry, &name.text).ok_or_else(|| unknown_param(&name.text, &infos))?;
-                    params.insert(bare.to_owned(), value.clone());
-                }
-                let canonical = |name: &str| {
-                    let text = (entry.canonical)(&own(&infos, &params), name)?;
-                    text.ok_or_else(|| unknown_param(name, &infos))
-                };
-                let params = kept(&infos, &params, canonical)?;
+                let values = self.values(&[Owner::new("composite", row)], given(), settings)?;
                 let members = members.iter().map(|m| self.resolve(m, settings, fault));
-                Ok(TrackerSpec {
-                    node: Node::Composite {
-                        name: entry.name.to_owned(),
-                        members: members.collect::<Result<_, _>>()?,
-                    },
-                    params,
+                Ok(Resolved::Composite {
+                    row,
+                    members: members.collect::<Result<_, _>>()?,
+                    values,
                 })
             }
             Head::Single { sm, am, ilm, ssm } => {
-                let names = Names {
-                    sm,
-                    am,
-                    ilm: ilm.as_ref(),
-                    ssm,
-                };
-                self.resolve_single(names, &expr.settings, settings)
+                let unknown_am = || unknown(&self.ams.rows(), &am.text);
+                let am = find_am(&self.ams, &am.text).ok_or_else(unknown_am)?;
+                let ilm = ilm.as_ref().map_or(IlmEntry::NONE.name, |w| &w.text);
+                let (ilm, ssm) = (self.ilms.get(ilm)?, self.ssms.get(&ssm.text)?);
+                // What the name of the model says is said before the method is looked up.
+                let given = coloured(am, given())?;
+                let unknown_sm = || unknown(&self.methods(), &sm.text);
+                let sm = self.method(&sm.text).ok_or_else(unknown_sm)?;
+                self.resolve_single(sm, Models { am: am.0, ilm, ssm }, given, settings)
             }
         }
     }
 
-    fn resolve_single(
+    /// A name alone: a composite that takes no members, or a search method over the models that are the default.
+    fn resolve_bare(
         &self,
-        names: Names<'_>,
-        own_settings: &[(Word, String)],
+        name: &Word,
+        given: Given,
         settings: &mut Settings<'_>,
-    ) -> Result<TrackerSpec, SpecError> {
-        let am = names.am.text.as_str();
-        let (am, colour) = find_am(&self.ams, am).ok_or_else(|| unknown(&self.ams, am))?;
-        let ilm = names.ilm.map_or(IlmEntry::NONE.name, |w| &w.text);
-        let ilm = find(&self.ilms, ilm).ok_or_else(|| unknown(&self.ilms, ilm))?;
-        let ssm = find(&self.ssms, &names.ssm.text).ok_or_else(|| unknown(&self.ssms, &names.ssm.text))?;
-        if colour
-            && let Some((_, value)) = own_settings
-                .iter()
-                .find(|(n, v)| n.text == "channels" && v != "3")
-        {
+        fault: &Fault<'_>,
+    ) -> Result<Resolved<'_>, SpecError> {
+        let composite = self.composites.find(&name.text);
+        if let Some(row) = composite.filter(|row| row.family.members.0 == 0) {
+            return Ok(Resolved::Composite {
+                row,
+                members: Vec::new(),
+                values: self.values(&[Owner::new("composite", row)], given, settings)?,
+            });
+        }
+        match (self.method(&name.text), composite) {
+            (Some(sm), _) => {
+                let models = Models {
+                    am: self.ams.get(DEFAULT_AM)?,
+                    ilm: self.ilms.get(IlmEntry::NONE.name)?,
+                    ssm: self.ssms.get(DEFAULT_SSM)?,
+                };
+                self.resolve_single(sm, models, given, settings)
+            }
+            (None, Some(row)) => Err(fault(after(name), members_of(row))),
+            (None, None) => {
+                let (methods, composites) = (self.methods(), self.composites.rows());
+                let known = known(&methods).chain(known(&composites));
+                let names = known.filter(|n| self.method(n).is_some() || self.composites.find(n).is_some());
+                Err(SpecError::UnknownName {
+                    role: "tracker",
+                    name: name.text.clone(),
+                    suggestion: suggest(&name.text, names),
+                })
+            }
+        }
+    }
+
+    /// A search method with its models, `given` parameters, and those of the `settings` that fit.
+    pub(super) fn resolve_single<'r>(
+        &'r self,
+        sm: Method<'r>,
+        models: Models<'r>,
+        given: Given,
+        settings: &mut Settings<'_>,
+    ) -> Result<Resolved<'r>, SpecError> {
+        let Models { am, ilm, ssm } = models;
+        match sm {
+            Method::Short(row) => self.resolve_short(row, models, given, settings),
+            Method::Single(sm) => {
+                let parts = Parts { sm, am, ilm, ssm };
+                let values = self.values(&parts.owners(), given, settings)?;
+                Ok(Resolved::Single { parts, values })
+            }
+        }
+    }
+
+    /// A search method that is short for a composite keeps its short name, and those settings that change the composite.
+    fn resolve_short<'r>(
+        &'r self,
+        row: Row<'r, ShortFamily>,
+        models: Models<'r>,
+        given: Given,
+        settings: &mut Settings<'_>,
+    ) -> Result<Resolved<'r>, SpecError> {
+        let text = text(row, models);
+        let fault = |at, expected: String| SpecError::Syntax {
+            text: text.clone(),
+            at,
+            expected,
+        };
+        let expr = expr::parse(&text).map_err(|e| fault(e.at, e.expected.to_owned()))?;
+        let with = |list: &Given| self.resolve(&expr, &mut Settings::new(list), &fault);
+        let mut list = Given::new();
+        if !(given.is_empty() && settings.list.is_empty()) {
+            let mut owners = Vec::new();
+            with(&list)?.every_owner(&mut owners);
+            // Settings may be qualified by the short name, too.
+            let bare = |name: &str| match name.rsplit_once('.') {
+                Some((path, bare)) if is_called(&row, path) => bare.to_owned(),
+                _ => name.to_owned(),
+            };
+            for ((name, value), used) in settings.list.iter().zip(&mut settings.used) {
+                let name = bare(name);
+                if meant(&owners, &name).is_some() {
+                    *used = true;
+                    list.push((name, value.clone()));
+                }
+            }
+            for (name, value) in given {
+                let name = bare(&name);
+                if meant(&owners, &name).is_none() {
+                    return Err(unknown_param(&name, names(&owners)));
+                }
+                list.push((name, value));
+            }
+        }
+        let whole = with(&list)?;
+        let mut values = Values::new();
+        let spec = (!list.is_empty()).then(|| whole.spec());
+        for (name, value) in &list {
+            let rest = list.iter().filter(|(n, _)| n != name).cloned().collect();
+            if Some(with(&rest)?.spec()) != spec {
+                let bare = name.rsplit('.').next().unwrap_or(name);
+                let canonical = spec.as_ref().and_then(|s| s.value_of(bare));
+                values.insert(name.clone(), canonical.unwrap_or(value).to_owned());
+            }
+        }
+        Ok(Resolved::Short {
+            row,
+            models,
+            values,
+            whole: Box::new(whole),
+        })
+    }
+
+    /// Values of the parameters of `owners`: the `settings` that fit, overruled by what was `given`.
+    fn values(
+        &self,
+        owners: &[Owner<'_>],
+        given: Given,
+        settings: &mut Settings<'_>,
+    ) -> Result<Values, SpecError> {
+        let mut values = settings.fitting(owners);
+        for (name, value) in given {
+            let bare = meant(owners, &name).ok_or_else(|| unknown_param(&name, names(owners)))?;
+            values.insert(bare.to_owned(), value);
+        }
+        Ok(self.kept(owners, values)?)
+    }
+
+    /// The values that differ from their defaults, in canonical text.
+    fn kept(&self, owners: &[Owner<'_>], mut values: Values) -> Result<Values, ParamError> {
+        let mut kept = Values::new();
+        if values.is_empty() {
+            return Ok(kept);
+        }
+        for info in owners.iter().flat_map(|o| o.infos) {
+            if let (Some(role), Some(value)) = (info.names, values.get_mut(info.name)) {
+                *value = match self.name_of_part(role, value) {
+                    Some(name) => name.to_owned(),
+                    None => {
+                        return Err(ParamError::Value {
+                            name: info.name,
+                            value: value.clone(),
+                            allowed: info.allowed.clone(),
+                        });
+                    }
+                };
+            }
+        }
+        for owner in owners {
+            owner.keep(&values, &mut kept)?;
+        }
+        Ok(kept)
+    }
+
+    /// The canonical name of what a parameter names, a part of the family `role`.
+    fn name_of_part(&self, role: &str, name: &str) -> Option<&'static str> {
+        match role {
+            AmFamily::ROLE => self.ams.part(name),
+            SsmFamily::ROLE => self.ssms.part(name),
+            IlmFamily::ROLE => self.ilms.part(name),
+            _ => None,
+        }
+    }
+}
+
+impl<'r> Resolved<'r> {
+    /// The rows whose parameters are its own or its members'.
+    fn every_owner(&self, out: &mut Vec<Owner<'r>>) {
+        out.extend(self.own().0);
+        match self {
+            Resolved::Single { .. } => {}
+            Resolved::Composite { members, .. } => members.iter().for_each(|m| m.every_owner(out)),
+            Resolved::Short { whole, .. } => whole.every_owner(out),
+        }
+    }
+}
+
+/// The composite that a short name stands for, as an expression.
+fn text(row: Row<'_, ShortFamily>, models: Models<'_>) -> String {
+    row.text(models.am.name, models.ilm.name, models.ssm.name)
+}
+
+/// Where a word ends.
+fn after(word: &Word) -> usize {
+    word.at + word.text.len()
+}
+
+/// How many members a composite takes, as what was expected.
+fn members_of(row: Row<'_, CompositeFamily>) -> String {
+    match row.family.members {
+        (0, 0) => format!("no members of {}", row.name),
+        (least, most) if least == most => format!("{least} members of {}", row.name),
+        (least, most) => format!("{least} to {most} members of {}", row.name),
+    }
+}
+
+/// The parameters given to a tracker, and three channels where the name of its appearance model says so.
+///
+/// # Errors
+/// They say otherwise.
+pub(super) fn coloured(
+    (am, colour): (Row<'_, AmFamily>, bool),
+    mut given: Given,
+) -> Result<Given, ParamError> {
+    if colour {
+        if let Some((_, value)) = given.iter().find(|(n, v)| n == "channels" && v != "3") {
             return Err(ParamError::Value {
                 name: "channels",
                 value: value.clone(),
                 allowed: format!("3, as 'mc{}' says", am.name),
-            }
-            .into());
-        }
-        let colour = colour.then(|| ("channels".to_owned(), "3".to_owned()));
-        let given = own_settings
-            .iter()
-            .map(|(n, v)| (n.text.clone(), v.clone()))
-            .chain(colour);
-        if let Some(short) = find(&self.short, &names.sm.text) {
-            let plain = [am.name, ilm.name, ssm.name];
-            return self.resolve_short(short, plain, given.collect(), settings);
-        }
-        let Some(sm) = find(&self.sms, &names.sm.text) else {
-            return Err(unknown(&self.methods(), &names.sm.text));
-        };
-        let parts = Parts { sm, am, ilm, ssm };
-        let infos = parts.params();
-        let mut params = settings.fitting(&infos, |name| parts.resolve(name));
-        for (name, value) in given {
-            let bare = parts.resolve(&name).ok_or_else(|| unknown_param(&name, &infos))?;
-            params.insert(bare.to_owned(), value);
-        }
-        parts.spec(params)
-    }
-
-    /// A search method that is short for a composite keeps its short name, and those settings that change the composite.
-    fn resolve_short(
-        &self,
-        short: &ShortEntry,
-        [am, ilm, ssm]: [&str; 3],
-        given: Vec<(String, String)>,
-        settings: &mut Settings<'_>,
-    ) -> Result<TrackerSpec, SpecError> {
-        let text = short.text(am, ilm, ssm);
-        // Settings may be qualified by the short name, too.
-        let bare = |name: &str| match name.rsplit_once('.') {
-            Some((path, bare)) if [short.name].iter().chain(short.aliases).any(|n| *n == path) => {
-                bare.to_owned()
-            }
-            _ => name.to_owned(),
-        };
-        let fits = |name: &str| -> Result<bool, SpecError> {
-            let one = [(name.to_owned(), String::new())];
-            let mut probe = Settings::new(&one);
-            // The value is no value; whether the name is one shows all the same.
-            let _ = self.parse_with(&text, &mut probe);
-            Ok(probe.used[0])
-        };
-        let mut list: Vec<(String, String)> = Vec::new();
-        for ((name, value), used) in settings.list.iter().zip(&mut settings.used) {
-            let name = bare(name);
-            if fits(&name)? {
-                *used = true;
-                list.push((name, value.clone()));
-            }
-        }
-        for (name, value) in given {
-            let name = bare(&name);
-            if !fits(&name)? {
-                let mut probe = Settings::new(&[]);
-                self.parse_with(&text, &mut probe)?;
-                return Err(unknown_param(&name, &probe.known));
-            }
-            list.push((name, value));
-        }
-        let whole = self.parse_with(&text, &mut Settings::new(&list))?;
-        let mut params = BTreeMap::new();
-        for (name, value) in &list {
-            let rest: Vec<_> = list.iter().filter(|(n, _)| n != name).cloned().collect();
-            if self.parse_with(&text, &mut Settings::new(&rest))? != whole {
-                let canonical = whole.value_of(name.rsplit('.').next().unwrap_or(name));
-                params.insert(name.clone(), canonical.unwrap_or(value).to_owned());
-            }
-        }
-        let name = |s: &str| s.to_owned();
-        Ok(TrackerSpec {
-            node: Node::Single {
-                sm: name(short.name),
-                am: name(am),
-                ilm: name(ilm),
-                ssm: name(ssm),
-            },
-            params,
-        })
-    }
-
-    /// The composite that a tracker is short for, if it is.
-    pub(super) fn expansion(&self, spec: &TrackerSpec) -> Result<Option<TrackerSpec>, SpecError> {
-        let Node::Single { sm, am, ilm, ssm } = &spec.node else {
-            return Ok(None);
-        };
-        let Some(short) = find(&self.short, sm) else {
-            return Ok(None);
-        };
-        if ilm != IlmEntry::NONE.name && !short.lit() {
-            return Err(SpecError::Refused {
-                id: plain_id(sm, am, ilm, ssm),
-                reason: format!("{sm} does not estimate illumination"),
             });
         }
-        let list: Vec<(String, String)> = spec.params.clone().into_iter().collect();
-        let text = short.text(am, ilm, ssm);
-        self.parse_with(&text, &mut Settings::new(&list)).map(Some)
+        given.push(("channels".to_owned(), "3".to_owned()));
     }
+    Ok(given)
 }

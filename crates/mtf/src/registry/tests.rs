@@ -1,4 +1,4 @@
-use super::parts::Parts;
+use super::spec::plain_id;
 use super::*;
 
 fn list(names: &[&str]) -> Vec<String> {
@@ -112,16 +112,15 @@ fn products_groups_and_settings() {
 #[test]
 fn no_name_means_two_parameters_of_one_tracker() {
     let r = Registry::builtin();
+    let names = |infos: Vec<ParamInfo>| infos.into_iter().map(|i| i.name);
     for sm in r.sms() {
         for am in r.ams() {
             for (ssm, ilm) in r.ssms().iter().flat_map(|s| r.ilms().iter().map(move |i| (s, i))) {
-                let parts = Parts { sm, am, ilm, ssm };
-                let mut names: Vec<_> = parts.params().iter().map(|p| p.name).collect();
-                let count = names.len();
-                names.sort_unstable();
-                names.dedup();
+                let all = [(sm.params)(), (am.params)(), (ilm.params)(), (ssm.params)()];
+                let all: Vec<&str> = all.into_iter().flat_map(names).collect();
+                let distinct: BTreeSet<&str> = all.iter().copied().collect();
                 let id = plain_id(sm.name, am.name, ilm.name, ssm.name);
-                assert_eq!(names.len(), count, "{id}");
+                assert_eq!(distinct.len(), all.len(), "{id}");
             }
         }
     }
@@ -170,8 +169,8 @@ fn composites_nest_and_are_canonical() {
         "unknown parameter 'level'; did you mean 'levels'?"
     );
     assert_eq!(
-        message("esm"),
-        "'esm', column 4: expected '/' and an appearance model"
+        message("esm()"),
+        "'esm()', column 4: expected '/' and an appearance model"
     );
     let refused = r.build(&r.parse("cascade(esm/ssd/8, esm/sad/8)").unwrap());
     let reason = refused.err().unwrap().to_string();
@@ -230,4 +229,93 @@ fn short_names_keep_what_changes_their_composite() {
         ]
     );
     assert!(expand(&["pyes"], &[("iclk.max_iters", "9")]).is_err());
+}
+
+#[test]
+fn a_name_alone_is_a_tracker() {
+    let r = Registry::builtin();
+    for (text, id) in [
+        ("esm", "esm/ssd/homography"),
+        (" LMES ", "lmes/ssd/homography"),
+        ("lmes{max_iters=9}", "lmes/ssd/homography{max_iters=9}"),
+        ("lmes/ncc/homography", "lmes/ncc/homography"),
+        // A composite that takes no members comes first, one that takes some does not.
+        ("flow", "flow"),
+        ("feat", "feature"),
+        ("rklt", "rklt/ssd/homography"),
+        ("pyr", "pyic/ssd/homography"),
+        ("cascade(lms, best)", "cascade(lms/ssd/homography, best)"),
+        (
+            "guard(lms/ncc/homography, feature; patience=2)",
+            "guard(lms/ncc/homography, feature; patience=2)",
+        ),
+        (
+            "pyramid(esm{res=30x30})",
+            "pyramid(esm/ssd/homography{res=30x30})",
+        ),
+    ] {
+        let spec = r.parse(text).unwrap();
+        assert_eq!(spec.to_string(), id, "{text}");
+        assert_eq!(r.parse(id).unwrap(), spec);
+        r.build(&spec).unwrap();
+    }
+    for (text, message) in [
+        ("lmess", "unknown tracker 'lmess'; did you mean 'lmes'?"),
+        ("cascad", "unknown tracker 'cascad'; did you mean 'cascade'?"),
+        (
+            "cascade",
+            "'cascade', column 8: expected 1 to 16 members of cascade",
+        ),
+        (
+            "cascade(esm, guard)",
+            "'cascade(esm, guard)', column 19: expected 1 to 2 members of guard",
+        ),
+        (
+            "cascade(lmes/ncc, best)",
+            "'cascade(lmes/ncc, best)', column 17: expected '/' and a state space model",
+        ),
+        (
+            "esm{max_iter=3}",
+            "unknown parameter 'max_iter'; did you mean 'max_iters'?",
+        ),
+        (
+            "lms{esm.max_iters=3}",
+            "unknown parameter 'esm.max_iters'; did you mean 'max_iters'?",
+        ),
+        (
+            "esm{max_iters=3",
+            "'esm{max_iters=3', column 16: expected ',' or '}'",
+        ),
+    ] {
+        assert_eq!(r.parse(text).unwrap_err().to_string(), message);
+    }
+}
+
+#[test]
+fn what_is_prepared_once_is_built_often() {
+    let r = Registry::builtin();
+    let make = r.prepare(&r.parse("lms/ncc/affine").unwrap()).unwrap();
+    assert_eq!(make().unwrap().memory(), make().unwrap().memory());
+    // Coarser levels have fewer points; a tracker that has no points of its own stays as it is.
+    for text in ["pyramid(esm; scale_res=1)", "pyramid(flow; scale_res=1)"] {
+        r.build(&r.parse(text).unwrap()).unwrap();
+    }
+    // What does not fit is found out before anything is built.
+    let reason = |text: &str| {
+        let made = r.prepare(&r.parse(text).unwrap());
+        made.err().map(|e| e.to_string()).unwrap_or_default()
+    };
+    assert_eq!(
+        reason("nn/mi/affine{neighbours=2}"),
+        "nn/mi/affine{neighbours=2}: neighbours=2: expected 1 with an appearance model whose distances are not those of \
+         vectors"
+    );
+    assert_eq!(
+        reason("grid(flow; patch_size=9)"),
+        "grid(flow; patch_size=9): patch_size is of no use to grid(flow), whose points have klt_window"
+    );
+    assert_eq!(
+        reason("cascade(lms/ssd+gb/affine)"),
+        "cascade(lms/ssd+gb/affine): lms/ssd+gb/affine: lms does not estimate illumination"
+    );
 }

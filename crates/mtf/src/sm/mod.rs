@@ -106,8 +106,21 @@ pub struct SmFamily {
     pub refuses: fn(&[Assignment<'_>], &Capabilities) -> Option<&'static str>,
     /// What it needs that a state space model lacks, if it lacks anything.
     pub refuses_ssm: fn(&SsmCapabilities) -> Option<&'static str>,
+    /// Fails when the value of a parameter does not go with an appearance model that is not refused. What builds the tracker
+    /// fails then, too.
+    pub suits: fn(&[Assignment<'_>], &Capabilities) -> Built<()>,
     /// Builds a tracker that estimates the illumination as well; `None` for methods that cannot.
     pub build_lit: Option<BuildLit>,
+}
+
+impl SmFamily {
+    /// A method that takes any model as it is, and estimates no illumination.
+    pub const UNDEMANDING: SmFamily = SmFamily {
+        refuses: |_, _| None,
+        refuses_ssm: |_| None,
+        suits: |_, _| Ok(()),
+        build_lit: None,
+    };
 }
 
 impl Family for SmFamily {

@@ -10,12 +10,12 @@ use super::probe::Probe;
 use super::sampling::SamplingParams;
 use super::workspace::Buffers;
 use super::{SmEntry, SmFamily};
-use crate::am::{AppearanceModel, Metric};
+use crate::am::{AppearanceModel, Capabilities, Metric};
 use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::geom::{Corners, homography};
 use crate::image::{Frame, Image};
 use crate::kernels;
-use crate::params::{ParamError, ParamValue, Params};
+use crate::params::{Assignment, Built, ParamError, ParamValue, Params};
 use crate::ssm::{Dynamics, Increment, Perturbation, SampleUnit, Sampler, SigmaSets, StateSpaceModel};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use rand::SeedableRng;
@@ -399,34 +399,37 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Nn<A, S
 
 type AllParams = (SamplingParams, NnParams);
 
+/// Fails when the parameters ask for an index or a number of neighbours that the appearance model does not allow.
+fn suits(assignments: &[Assignment<'_>], am: &Capabilities) -> Built<()> {
+    let (_, params) = AllParams::from_assignments(assignments)?;
+    let refused = |name, value: String, allowed: &str| {
+        Err(ParamError::Value {
+            name,
+            value,
+            allowed: format!("{allowed} with an appearance model whose distances are not those of vectors"),
+        })
+    };
+    if params.index == IndexKind::Kd && am.metric != Metric::SquaredL2 {
+        return refused("index", params.index.text(), "auto, linear, gnn, fgnn");
+    }
+    if params.neighbours > 1 && am.metric == Metric::Other {
+        return refused("neighbours", params.neighbours.text(), "1");
+    }
+    Ok(())
+}
+
 /// The table row.
 pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
     "nn",
     "nearest neighbour among samples of the first frame",
     |a, am, ssm| {
+        suits(a, &am.capabilities())?;
         let (sampling, params) = AllParams::from_assignments(a)?;
-        let refused = |name, value: String, allowed: &str| {
-            Err(ParamError::Value {
-                name,
-                value,
-                allowed: format!(
-                    "{allowed} with an appearance model whose distances are not those of vectors"
-                ),
-            })
-        };
-        let metric = am.capabilities().metric;
-        if params.index == IndexKind::Kd && metric != Metric::SquaredL2 {
-            return refused("index", params.index.text(), "auto, linear, gnn, fgnn");
-        }
-        if params.neighbours > 1 && metric == Metric::Other {
-            return refused("neighbours", params.neighbours.text(), "1");
-        }
         Ok(Box::new(Nn::with_params(sampling, params, am, ssm)))
     },
     SmFamily {
-        refuses: |_, _| None,
-        refuses_ssm: |_| None,
-        build_lit: None,
+        suits,
+        ..SmFamily::UNDEMANDING
     },
 )
 .also(&["nearest_neighbour"])

@@ -599,11 +599,7 @@ pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
         let (sampling, params) = AllParams::from_assignments(a)?;
         Ok(Box::new(Pf::with_params(sampling, params, am, ssm)))
     },
-    SmFamily {
-        refuses: |_, _| None,
-        refuses_ssm: |_| None,
-        build_lit: None,
-    },
+    SmFamily::UNDEMANDING,
 )
 .also(&["particle_filter"])
 .in_groups(&["stochastic"]);

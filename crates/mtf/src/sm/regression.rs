@@ -319,7 +319,7 @@ pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
             (am.metric != Metric::SquaredL2).then_some("has no features with Euclidean distances")
         },
         refuses_ssm: |ssm| (!ssm.compositional).then_some("does not compose"),
-        build_lit: None,
+        ..SmFamily::UNDEMANDING
     },
 )
 .also(&["lr"])

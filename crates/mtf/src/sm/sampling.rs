@@ -3,7 +3,7 @@
 use super::workspace::Buffers;
 use crate::am::PatchShape;
 use crate::image::Image;
-use crate::kernels::{self, Border, Grid2};
+use crate::kernels::{self, Border};
 use crate::params::{Resolution, param_enum};
 use crate::ssm::StateSpaceModel;
 use crate::tracker::TrackError;
@@ -74,7 +74,7 @@ impl SamplingParams {
         let n = b.x.len();
         let mut outside = 0;
         for c in 0..self.channels.count() {
-            let plane = plane(image, c);
+            let plane = image.view(c);
             let at = c * n..(c + 1) * n;
             let out = &mut b.values[at.clone()];
             outside = if gradient {
@@ -108,10 +108,10 @@ impl SamplingParams {
                     let g = if axis == 0 { &mut b.gx } else { &mut b.gy };
                     let out = &mut g[at.clone()];
                     if side > 0.0 {
-                        kernels::sample(plane(image, c), self.border(), &b.x, &b.y, out);
+                        kernels::sample(image.view(c), self.border(), &b.x, &b.y, out);
                     } else {
                         let before = &mut b.scratch[at];
-                        kernels::sample(plane(image, c), self.border(), &b.x, &b.y, before);
+                        kernels::sample(image.view(c), self.border(), &b.x, &b.y, before);
                         out.iter_mut()
                             .zip(before)
                             .for_each(|(g, v)| *g = half * (*g - *v));
@@ -132,19 +132,7 @@ impl SamplingParams {
             let at = c * n..(c + 1) * n;
             let [xx, xy, yy] = &mut b.hessian;
             let out = [&mut xx[at.clone()], &mut xy[at.clone()], &mut yy[at.clone()]];
-            kernels::image_hessian(
-                plane(image, c),
-                self.border(),
-                1.0,
-                &b.x,
-                &b.y,
-                &b.values[at],
-                out,
-            );
+            kernels::image_hessian(image.view(c), self.border(), 1.0, &b.x, &b.y, &b.values[at], out);
         }
     }
-}
-
-fn plane(image: &Image, c: usize) -> Grid2<'_> {
-    Grid2::new(image.plane(c), image.width(), image.height(), image.stride())
 }

@@ -83,7 +83,7 @@ pub type Spline = FreeForm<SplineBasis>;
 /// Thin plate spline, two parameters per control point.
 pub type Tps = FreeForm<TpsBasis>;
 
-use crate::entry::{Build, Entry, Family, Part};
+use crate::entry::{Build, Entry, Family, NameOf, Part};
 use crate::estimate::Estimator;
 use crate::geom::solve::SymMatrix;
 use crate::geom::{Corners, Mat3};
@@ -451,39 +451,12 @@ pub fn fit_truth(model: &SsmEntry, base: &Corners, corners: &Corners) -> Result<
     Ok(ssm.corners())
 }
 
-/// A state space model by its name, as a parameter of trackers that use one of their own.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SsmName(&'static str);
+/// A state space model by its name, as a parameter of trackers that have a warp of their own.
+pub type SsmName = NameOf<SsmFamily>;
 
 impl Default for SsmName {
     fn default() -> Self {
-        SsmName(Homography::NAME)
-    }
-}
-
-impl SsmName {
-    /// The model with default parameters.
-    pub fn build(self) -> Box<dyn StateSpaceModel> {
-        let entry = SSMS.iter().find(|e| e.name == self.0);
-        // Names come from the table, and defaults are in range.
-        match entry.map(|e| (e.build)(&[])) {
-            Some(Ok(model)) => model,
-            _ => Box::new(Homography::new()),
-        }
-    }
-}
-
-impl crate::params::ParamValue for SsmName {
-    fn parse(text: &str) -> Option<Self> {
-        let text = text.to_ascii_lowercase();
-        let found = SSMS.iter().find(|e| e.is_called(&text));
-        found.map(|e| SsmName(e.name))
-    }
-    fn text(&self) -> String {
-        self.0.to_owned()
-    }
-    fn allowed() -> String {
-        "a state space model".to_owned()
+        SsmName::new(Homography::NAME)
     }
 }
 

@@ -1,7 +1,7 @@
 //! How well the template agrees with an image at a pose, block by block.
 
 use super::Aligner;
-use crate::best::view::{TEMPLATE, plane};
+use crate::best::view::TEMPLATE;
 use crate::geom::Mat3;
 use crate::image::{Frame, Image};
 use crate::kernels::{self, Border};
@@ -108,7 +108,7 @@ impl Aligner {
         self.place(pose, view, level);
         let n = self.views[view].len();
         let (px, py) = (&self.px[..n], &self.py[..n]);
-        let outside = kernels::sample(plane(image), Border::Constant, px, py, &mut self.value[..n]);
+        let outside = kernels::sample(image.view(0), Border::Constant, px, py, &mut self.value[..n]);
         self.look(view, image, outside);
         self.score(view)
     }

@@ -1,7 +1,7 @@
 //! Robust Gauss-Newton steps at one level of the pyramid.
 
 use super::Aligner;
-use crate::best::view::{IMAGE, ONES, TEMPLATE, WARP, plane};
+use crate::best::view::{IMAGE, ONES, TEMPLATE, WARP};
 use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::geom::{Mat3, homography};
 use crate::image::Frame;
@@ -130,7 +130,7 @@ impl Aligner {
             let (matrix, centre, scale) = self.place(pose, view, level);
             let n = self.views[view].len();
             let outside = kernels::sample_gradient(
-                plane(image),
+                image.view(0),
                 Border::Constant,
                 &self.px[..n],
                 &self.py[..n],

@@ -1,5 +1,7 @@
 //! Planar `f32` images.
 
+use crate::kernels::PlaneView;
+
 /// Planar float image, intensities 0–255, one or three planes (R, G, B), pixel centres at integers.
 ///
 /// Rows are `stride` apart; `stride >= width + 1` and each plane has one spare row, so that the 2x2 support of any
@@ -81,6 +83,10 @@ impl Image {
     pub fn plane_mut(&mut self, c: usize) -> &mut [f32] {
         let n = self.stride * (self.height + 1);
         &mut self.data[c * n..(c + 1) * n]
+    }
+    /// Plane `c` as the kernels take it.
+    pub(crate) fn view(&self, c: usize) -> PlaneView<'_> {
+        PlaneView::new(self.plane(c), self.width, self.height, self.stride)
     }
     /// Row `y` of plane `c`, `width` elements.
     pub fn row(&self, c: usize, y: usize) -> &[f32] {

@@ -1,12 +1,39 @@
 //! A grid of points followed by pyramidal Lucas-Kanade flow from frame to frame, and one warp fitted to them.
 
-use super::nodes::{NodeParams, Nodes};
+use super::entry::{CompositeEntry, CompositeFamily, Make, Parts, Refused};
+use super::nodes::{NodeParams, Nodes, PointSettings};
 use crate::estimate::EstimatorParams;
 use crate::flow::{Klt, KltParams, PointStatus, Tracked};
 use crate::geom::{Corners, homography};
 use crate::image::Frame;
+use crate::params::Params;
 use crate::ssm::StateSpaceModel;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
+use std::sync::Arc;
+
+pub(super) type FlowSettings = (KltParams, PointSettings);
+
+/// The table row.
+pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<FlowSettings>(
+    "flow",
+    "a grid of points followed by pyramidal Lucas-Kanade flow, and one warp fitted to them",
+    |a, parts| {
+        let (klt, points) = FlowSettings::from_assignments(a)?;
+        make(klt, points, parts)
+    },
+    CompositeFamily { members: (0, 0) },
+)
+.also(&["klt"]);
+
+/// What builds a grid of points with these parameters.
+pub(super) fn make(klt: KltParams, points: PointSettings, parts: &Parts<'_>) -> Result<Make, Refused> {
+    let (nodes, (estimator, warp)) = points;
+    let warp = parts.warp("ssm", &warp.ssm)?;
+    Ok(Arc::new(move || {
+        let (nodes, klt, estimator) = (nodes.clone(), klt.clone(), estimator.clone());
+        Ok(Box::new(FlowGrid::new(nodes, klt, estimator, warp.build()?)))
+    }))
+}
 
 /// Highest level when the motion is small or nearly known.
 const NEAR: usize = 2;
@@ -16,7 +43,7 @@ const NEAR: usize = 2;
 ///
 /// Nodes are placed anew in each frame where the warp says, so errors add up slowly; in a cascade, a tracker with a
 /// template removes them.
-pub struct KltGrid<S> {
+pub struct FlowGrid<S> {
     nodes: Nodes<S>,
     klt: Klt,
     previous: Option<Frame>,
@@ -27,10 +54,10 @@ pub struct KltGrid<S> {
     origins: Vec<[f64; 2]>,
 }
 
-impl<S: StateSpaceModel> KltGrid<S> {
+impl<S: StateSpaceModel> FlowGrid<S> {
     /// With all parameters.
     pub fn new(nodes: NodeParams, klt: KltParams, estimator: EstimatorParams, ssm: S) -> Self {
-        KltGrid {
+        FlowGrid {
             nodes: Nodes::new(nodes, estimator, ssm),
             klt: Klt::new(klt),
             previous: None,
@@ -109,7 +136,7 @@ impl<S: StateSpaceModel> KltGrid<S> {
     }
 }
 
-impl<S: StateSpaceModel> Tracker for KltGrid<S> {
+impl<S: StateSpaceModel> Tracker for FlowGrid<S> {
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         self.nodes.init(corners)?;
         self.previous = None;

@@ -1,21 +1,22 @@
-//! What a run consists of: trackers x courses x sequences x start frames, the identity of each unit and its random seed.
+//! What a run consists of: trackers x courses x sequences x start frames.
 //!
-//! A [`Plan`] is what `run.json` records: enough to know every unit of the run and its key without trackers or data.
+//! A [`Plan`] is what `run.json` records: enough to know every unit of the run, its key and its seed without trackers or
+//! data.
 
+use super::protocol::{Protocol, Protocols};
+use super::seed::derived_seed;
 use crate::metric::aggregate::TrackerName;
-use crate::plan::protocol::{Protocol, Protocols};
-use crate::store::rundir::hex;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use serde_json::{Map, Value, json};
-use sha2::{Digest, Sha256};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 
-/// Version of the run directory's formats and of the protocol; part of every unit's key.
-pub const SCHEMA_VERSION: u32 = 1;
+/// Version of the run directory's formats and of the protocols; part of every unit's key.
+pub const RUN_FORMAT_VERSION: u32 = 1;
 
 /// Where the corners of each frame go.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum FrameLogs {
     /// A CSV file per unit.
     #[default]
@@ -33,43 +34,6 @@ impl FrameLogs {
             FrameLogs::Csv => "csv",
             FrameLogs::Zst => "csv.zst",
             FrameLogs::None => "",
-        }
-    }
-}
-
-/// Identity of a unit: 128 bits of a SHA-256 over everything that can change the result.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Key(pub [u8; 16]);
-
-impl std::fmt::Display for Key {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&hex(&self.0))
-    }
-}
-
-impl std::fmt::Debug for Key {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Key({self})")
-    }
-}
-
-impl Serialize for Key {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(self)
-    }
-}
-
-impl<'de> Deserialize<'de> for Key {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Key, D::Error> {
-        let text = std::borrow::Cow::<str>::deserialize(deserializer)?;
-        let digit = |at: usize| text.get(at..at + 2).and_then(|d| u8::from_str_radix(d, 16).ok());
-        let mut key = [0; 16];
-        for (k, byte) in key.iter_mut().enumerate() {
-            *byte = digit(2 * k).ok_or_else(|| serde::de::Error::custom("expected 32 hexadecimal digits"))?;
-        }
-        match text.len() {
-            32 => Ok(Key(key)),
-            _ => Err(serde::de::Error::custom("expected 32 hexadecimal digits")),
         }
     }
 }
@@ -258,6 +222,15 @@ impl Plan {
         self.sequences[unit.sequence as usize].frames as u64 - u64::from(unit.start)
     }
 
+    /// Seed of a unit's tracker when it starts on frame `start`: depends on what is run, never on when, where, beside what,
+    /// or on what the tracker did before.
+    pub fn seed_at(&self, unit: &Unit, start: u32) -> u64 {
+        let tracker = &self.trackers[unit.tracker as usize];
+        let sequence = &self.sequences[unit.sequence as usize];
+        let names = [&tracker.id, &sequence.dataset, &sequence.sequence].map(String::as_str);
+        derived_seed(self.seed, &names, Some(u64::from(start)))
+    }
+
     /// The first thing in which `other` asks for other results than `self`; the way of asking does not count.
     pub fn difference(&self, other: &Plan) -> Option<String> {
         let settings = |p: &Plan| -> [(&'static str, String); 6] {
@@ -300,79 +273,5 @@ impl Plan {
         }
         by("tracker", trackers(self), trackers(other))
             .or_else(|| by("sequence", sequences(self), sequences(other)))
-    }
-}
-
-/// Makes the keys of a plan's units.
-#[derive(Clone, Debug)]
-pub struct Keys {
-    run: [u8; 32],
-    trackers: Vec<[u8; 32]>,
-    sequences: Vec<[u8; 32]>,
-    courses: Vec<String>,
-}
-
-impl Keys {
-    /// For the units of `plan`.
-    pub fn new(plan: &Plan) -> Keys {
-        let hash = |value: Value| -> [u8; 32] { Sha256::digest(value.to_string()).into() };
-        let tracker = |t: &PlannedTracker| hash(json!({"id": t.id, "parameters": t.parameters}));
-        // One pass to the end has no name of its own: its units are as old as the program.
-        let course = |p: &Protocol| match p.course() {
-            Protocol::Ope => String::new(),
-            other => other.to_string(),
-        };
-        let sequence = |s: &PlannedSequence| {
-            hash(json!({
-                "dataset": s.dataset,
-                "sequence": s.sequence,
-                "fingerprint": s.fingerprint,
-                "frames": s.frames,
-            }))
-        };
-        Keys {
-            run: hash(json!({
-                "schema": plan.schema_version,
-                "crate": plan.version,
-                "pre": plan.pre,
-                "seed": plan.seed,
-            })),
-            trackers: plan.trackers.iter().map(tracker).collect(),
-            sequences: plan.sequences.iter().map(sequence).collect(),
-            courses: plan.protocol.iter().map(course).collect(),
-        }
-    }
-
-    /// The key of one.
-    pub fn of(&self, unit: &Unit) -> Key {
-        let mut hash = Sha256::new();
-        hash.update(self.run);
-        hash.update(self.trackers[unit.tracker as usize]);
-        hash.update(self.sequences[unit.sequence as usize]);
-        hash.update(unit.start.to_le_bytes());
-        hash.update(&self.courses[unit.course as usize]);
-        let bytes = hash.finalize();
-        Key(std::array::from_fn(|i| bytes[i]))
-    }
-}
-
-impl Plan {
-    /// Seed of a unit's tracker when it starts on frame `start`: depends on what is run, never on when, where, beside what,
-    /// or on what the tracker did before.
-    pub fn seed_at(&self, unit: &Unit, start: u32) -> u64 {
-        let sequence = &self.sequences[unit.sequence as usize];
-        let mut hash = Sha256::new();
-        hash.update(self.seed.to_le_bytes());
-        for text in [
-            &self.trackers[unit.tracker as usize].id,
-            &sequence.dataset,
-            &sequence.sequence,
-        ] {
-            hash.update((text.len() as u64).to_le_bytes());
-            hash.update(text.as_bytes());
-        }
-        hash.update(u64::from(start).to_le_bytes());
-        let bytes = hash.finalize();
-        u64::from_le_bytes(std::array::from_fn(|i| bytes[i]))
     }
 }

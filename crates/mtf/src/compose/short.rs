@@ -1,0 +1,159 @@
+//! Search methods that are short for composites of their models.
+//!
+//! One row each in [`SHORT`]; adding one is adding a row.
+
+use crate::entry::{Entry, Family};
+use crate::params::NoParams;
+
+/// The family of short names.
+#[derive(Clone, Copy, Debug)]
+pub struct ShortFamily;
+
+impl Family for ShortFamily {
+    /// The composite; `{am}`, `{ssm}` stand for the models, `{lit}` for the appearance model with the illumination model.
+    type Build = &'static str;
+    const ROLE: &'static str = "search method";
+    const GROUPED: bool = true;
+}
+
+/// A row of the table of short names. Its parameters are those of the composite.
+pub type ShortEntry = Entry<ShortFamily>;
+
+impl ShortEntry {
+    /// A short name for the composite `template`.
+    pub const fn of(
+        name: &'static str,
+        groups: &'static [&'static str],
+        summary: &'static str,
+        template: &'static str,
+    ) -> Self {
+        Entry::new::<NoParams>(name, summary, template, ShortFamily).in_groups(groups)
+    }
+
+    /// The composite for these models, as an expression.
+    pub fn text(&self, am: &str, ilm: &str, ssm: &str) -> String {
+        let lit = if ilm == "none" {
+            am.to_owned()
+        } else {
+            format!("{am}+{ilm}")
+        };
+        let text = self.build.replace("{lit}", &lit);
+        text.replace("{am}", am).replace("{ssm}", ssm)
+    }
+
+    /// Whether an illumination model has a place in it.
+    pub fn lit(&self) -> bool {
+        self.build.contains("{lit}")
+    }
+}
+
+/// Patches of the named appearance model around the nodes of a grid: those of the first frame where the object was, and, when
+/// these do not agree, those of the last frame over a pyramid before them.
+macro_rules! patches {
+    ($estimator:literal) => {
+        concat!(
+            "rklt(grid(pyramid(iclk/{am}/translation{res=15x15}; levels=5, widen=true); ssm={ssm}, patch_size=21, estimator=",
+            $estimator,
+            "), grid(iclk/{am}/translation{res=15x15,epsilon=0.01}; ssm={ssm}, grid_reset=fixed, estimator=",
+            $estimator,
+            "); rkl_enough=0.7)"
+        )
+    };
+}
+
+/// A flow grid in front of a search method.
+macro_rules! flow {
+    ($sm:literal) => {
+        concat!("cascade(flow{ssm={ssm},estimator=lmeds}, ", $sm, "/{lit}/{ssm})")
+    };
+}
+
+/// One search method, with its settings, after another.
+macro_rules! after {
+    ($first:literal, $settings:literal, $then:literal) => {
+        concat!(
+            "cascade(",
+            $first,
+            "/{am}/{ssm}",
+            $settings,
+            ", ",
+            $then,
+            "/{lit}/{ssm})"
+        )
+    };
+}
+
+/// Every short name.
+pub const SHORT: &[ShortEntry] = &[
+    ShortEntry::of(
+        "lms",
+        ROBUST,
+        "grid of patches, least median of squares",
+        patches!("lmeds"),
+    ),
+    ShortEntry::of(
+        "ransac",
+        ROBUST,
+        "grid of patches, sampling consensus",
+        patches!("ransac"),
+    )
+    .also(&["rnsc"]),
+    ShortEntry::of(
+        "rklt",
+        COMPOSITE,
+        "flow grid with RANSAC, corrected by ICLK on a template",
+        "rklt(flow{ssm={ssm}}, iclk/{lit}/{ssm})",
+    )
+    .also(&["rkl"]),
+    ShortEntry::of(
+        "lmes",
+        COMPOSITE,
+        "flow grid with LMedS, corrected by ESM on a template",
+        "rklt(flow{ssm={ssm},estimator=lmeds}, esm/{lit}/{ssm})",
+    ),
+    ShortEntry::of("gric", COMPOSITE, "flow grid, then ICLK", flow!("iclk")),
+    ShortEntry::of("grfc", COMPOSITE, "flow grid, then FCLK", flow!("fclk")),
+    ShortEntry::of("gres", COMPOSITE, "flow grid, then ESM", flow!("esm")),
+    ShortEntry::of(
+        "nnic",
+        COMPOSITE,
+        "nearest neighbour, then ICLK",
+        after!("nn", "", "iclk"),
+    ),
+    ShortEntry::of(
+        "nnfc",
+        COMPOSITE,
+        "nearest neighbour, then FCLK",
+        after!("nn", "", "fclk"),
+    ),
+    ShortEntry::of(
+        "nnes",
+        COMPOSITE,
+        "nearest neighbour, then ESM",
+        after!("nn", "", "esm"),
+    ),
+    ShortEntry::of(
+        "pfic",
+        COMPOSITE,
+        "particle filter, then ICLK",
+        after!("pf", "{max_iters=2}", "iclk"),
+    ),
+    ShortEntry::of(
+        "pffc",
+        COMPOSITE,
+        "particle filter, then FCLK",
+        after!("pf", "{max_iters=2}", "fclk"),
+    ),
+    ShortEntry::of(
+        "pfes",
+        COMPOSITE,
+        "particle filter, then ESM",
+        after!("pf", "{max_iters=2}", "esm"),
+    ),
+    ShortEntry::of("pyic", COMPOSITE, "pyramid of ICLK", "pyramid(iclk/{lit}/{ssm})").also(&["pyr"]),
+    ShortEntry::of("pyfc", COMPOSITE, "pyramid of FCLK", "pyramid(fclk/{lit}/{ssm})"),
+    ShortEntry::of("pyes", COMPOSITE, "pyramid of ESM", "pyramid(esm/{lit}/{ssm})"),
+];
+
+const ROBUST: &[&str] = &["robust", "composite"];
+const COMPOSITE: &[&str] = &["composite"];

@@ -1,0 +1,23 @@
+//! Why there is no plan for a request.
+
+/// A request that cannot be planned.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// No tracker or no sequence was asked for.
+    #[error("nothing to run: {0}")]
+    Nothing(&'static str),
+    /// Two different sequences would write the same files.
+    #[error(
+        "two different sequences are both called {0}: give one of the data sets another folder name, or run them apart"
+    )]
+    Ambiguous(String),
+    /// A sequence cannot be evaluated.
+    #[error("{sequence}: {reason}")]
+    Sequence {
+        /// Data set and sequence.
+        sequence: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+}

@@ -1,0 +1,40 @@
+//! Why a run did not get to its end.
+
+use crate::plan::PlanError;
+use crate::report::OutputError;
+use crate::store::StoreError;
+
+/// Why a run could not be made, or did not get to its end.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// There is no plan for the request.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// The run directory cannot be used.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// Asked to stop by a signal; what was finished is kept.
+    #[error("stopped: {done} of {total} units done, nothing lost, run the same command again to go on")]
+    Interrupted {
+        /// Units with a result.
+        done: usize,
+        /// Units requested.
+        total: usize,
+    },
+    /// Worker threads cannot be started.
+    #[error("cannot start worker threads: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+    /// The result files cannot be made.
+    #[error(transparent)]
+    Output(OutputError),
+}
+
+impl From<OutputError> for RunError {
+    fn from(error: OutputError) -> RunError {
+        match error {
+            OutputError::Io { path, source } => StoreError::io(&path, source).into(),
+            other => RunError::Output(other),
+        }
+    }
+}
