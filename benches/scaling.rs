@@ -5,7 +5,6 @@
 
 use cpu_time::ProcessTime;
 use mtf::diagnose::Waves;
-use mtf::image::parse_preprocessor;
 use mtf::registry::Registry;
 use mtf_eval::dataset::{self, LoadOptions, Sequence};
 use mtf_eval::plan::{FrameLogs, RunRequest, TrackerEntry};
@@ -59,24 +58,14 @@ fn time(
     trackers: Vec<TrackerEntry>,
     frames: usize,
 ) -> Result<f64, Box<dyn Error>> {
-    let request = RunRequest {
-        trackers,
-        sequences: vec![sequence.truncated(frames)],
-        pre: parse_preprocessor("gaussian:5:3")?,
-        protocol: Default::default(),
-        seed: 0,
-        threads_per_tracker: 1,
-        shard: None,
-        threads: 1,
-        memory: 1 << 30,
-        out: root.join("out"),
-        force: true,
-        frame_logs: FrameLogs::None,
-        timeout: None,
-        grace: Default::default(),
-        about: Default::default(),
-        host: Default::default(),
-    };
+    let request = RunRequest::builder()
+        .trackers(trackers)
+        .sequences([sequence.truncated(frames)])
+        .threads(1)
+        .out(root.join("out"))
+        .force(true)
+        .frame_logs(FrameLogs::None)
+        .build()?;
     let begin = ProcessTime::try_now()?;
     let report = run::run(&request, &run::Silent, &AtomicBool::new(false))?;
     let seconds = begin.try_elapsed()?.as_secs_f64();

@@ -3,14 +3,14 @@
 use super::args::TrackerArgs;
 use super::console::print;
 use super::exit::{Failure, Outcome};
-use super::experiment::{USUAL_FILTER, trackers};
+use super::experiment::{filter, trackers};
 use super::program::Program;
 use super::signals::stop_on_signals;
 use crate::dataset::decode;
 use crate::measure::basin::{self, BasinRequest, BasinRow, Texture};
 use crate::report::{Format, render};
 use crate::synth::texture::TEXTURES;
-use mtf::image::{Frame, Identity, parse_preprocessor};
+use mtf::image::{Frame, Identity};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -80,7 +80,11 @@ pub fn run(args: &BasinArgs, program: &Program) -> Outcome {
             .any(|e| e.name == sm && e.groups.contains(&"stochastic"))
     };
     let entries = trackers(&args.trackers, program)?.into_iter().map(|entry| {
-        let usual = if stochastic(&entry.name.sm) { 5.0 } else { 1.0 };
+        let usual = if stochastic(&entry.name.sm) {
+            5.0
+        } else {
+            BasinRequest::WITHIN
+        };
         (entry, args.within.unwrap_or(usual))
     });
     let positive = |v: &f64| v.is_finite() && *v > 0.0;
@@ -91,10 +95,7 @@ pub fn run(args: &BasinArgs, program: &Program) -> Outcome {
     }
     let mut sigmas = args.sigma.clone();
     if sigmas.is_empty() {
-        sigmas = (0..)
-            .map(|k| 2f64.powf(0.5 * f64::from(k)).round())
-            .take_while(|s| *s <= args.side / 4.0)
-            .collect();
+        sigmas = basin::usual_sigmas(args.side);
     }
     sigmas.sort_by(f64::total_cmp);
     sigmas.dedup();
@@ -105,8 +106,7 @@ pub fn run(args: &BasinArgs, program: &Program) -> Outcome {
         trials: args.trials,
         side: args.side,
         updates: args.updates,
-        pre: parse_preprocessor(args.trackers.pre.as_deref().unwrap_or(USUAL_FILTER))
-            .map_err(Failure::usage)?,
+        pre: filter(&args.trackers)?,
         seed: args.seed,
     };
     let pool = rayon::ThreadPoolBuilder::new()

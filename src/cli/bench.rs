@@ -3,16 +3,17 @@
 use super::args::{SelectionArgs, TrackerArgs};
 use super::console::{Console, print};
 use super::exit::{self, Failure, Outcome};
-use super::experiment::{USUAL_FILTER, expand, sequences};
+use super::experiment::{expand, filter, sequences};
 use super::program::Program;
 use super::signals::stop_on_signals;
 use super::values::{at_least_one, positive};
-use crate::measure::bench::{self, BenchRequest, BenchRow, MEASUREMENT_FORMAT_VERSION, Measurement};
+use crate::measure::bench::{
+    self, BenchReport, BenchRequest, BenchRow, MEASUREMENT_FORMAT_VERSION, Measurement,
+};
 use crate::measure::machine::Machine;
 use crate::plan::sequence_id;
 use crate::report::{Format, bars_svg, render};
 use crate::store::{Durable, write_atomic};
-use mtf::image::parse_preprocessor;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -79,8 +80,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
     let request = BenchRequest {
         trackers,
         sequences: sequences(&args.data, &selection, program)?,
-        pre: parse_preprocessor(args.trackers.pre.as_deref().unwrap_or(USUAL_FILTER))
-            .map_err(Failure::usage)?,
+        pre: filter(&args.trackers)?,
         repeats: args.repeats,
         budget: Duration::from_secs_f64(args.budget),
         seed: args.seed,
@@ -103,15 +103,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
             console.note(&format!("{:.0} %", 100.0 * share));
         }
     };
-    let (rows, failed) = pool
-        .install(|| bench::run(&request, &stop, &progress))
-        .map_err(Failure::usage)?
-        .ok_or_else(|| {
-            Failure::new(
-                exit::STOPPED,
-                "stopped; a measurement cannot be resumed, run it again",
-            )
-        })?;
+    let BenchReport { rows, failed } = pool.install(|| bench::run(&request, &stop, &progress))?;
     let measured = Measurement {
         schema_version: MEASUREMENT_FORMAT_VERSION,
         machine,

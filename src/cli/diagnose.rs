@@ -2,14 +2,14 @@
 
 use super::console::print;
 use super::exit::{self, Failure, Outcome};
-use super::experiment::USUAL_FILTER;
 use super::program::Program;
 use super::values::resolution;
 use crate::dataset::{self, LoadOptions};
+use crate::plan::usual_filter;
 use crate::report::{Format, render};
 use mtf::diagnose::{self, Check, PatchPair};
 use mtf::geom::Corners;
-use mtf::image::{Frame, parse_preprocessor};
+use mtf::image::Frame;
 use mtf::params::Resolution;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -102,7 +102,7 @@ pub fn run(args: &DiagnoseArgs, program: &Program) -> Outcome {
     let corners = sequence
         .truth(args.frame)
         .ok_or_else(|| Failure::usage(format!("frame {} is not annotated", args.frame)))?;
-    let pre = parse_preprocessor(USUAL_FILTER).map_err(Failure::usage)?;
+    let pre = usual_filter();
     let read = |i: usize| {
         sequence
             .read(i, false)

@@ -3,6 +3,7 @@
 use crate::judge::compare::CompareError;
 use crate::judge::gate::Verdict;
 use crate::measure::basin::BasinError;
+use crate::measure::bench::BenchError;
 use crate::plan::PlanError;
 use crate::run::RunError;
 use crate::store::StoreError;
@@ -85,7 +86,7 @@ pub type Outcome = Result<ExitCode, Failure>;
 fn of_plan(error: &PlanError) -> u8 {
     match error {
         PlanError::Nothing(_) => NOTHING,
-        PlanError::Ambiguous(_) | PlanError::Sequence { .. } => USAGE,
+        PlanError::NoDirectory | PlanError::Ambiguous(_) | PlanError::Sequence { .. } => USAGE,
     }
 }
 
@@ -132,6 +133,16 @@ impl From<BasinError> for Failure {
         let code = match error {
             BasinError::Stopped => STOPPED,
             _ => USAGE,
+        };
+        Failure::new(code, error)
+    }
+}
+
+impl From<BenchError> for Failure {
+    fn from(error: BenchError) -> Failure {
+        let code = match error {
+            BenchError::Stopped => STOPPED,
+            BenchError::NoStart(_) | BenchError::Frame(_) => USAGE,
         };
         Failure::new(code, error)
     }

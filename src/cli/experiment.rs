@@ -7,11 +7,12 @@ use super::program::Program;
 use super::values::{at_least_one, at_least_two, positive};
 use crate::dataset::{self, Label, LoadOptions, Sequence};
 use crate::plan::{
-    ExperimentFile, ExperimentFileError, FrameLogs, Protocols, RunRequest, TrackerEntry, sequence_id,
+    ExperimentFile, ExperimentFileError, FrameLogs, Protocols, RunRequest, RunRequestBuilder, TrackerEntry,
+    sequence_id, usual_filter,
 };
 use clap::ValueEnum;
 use globset::{GlobBuilder, GlobSet, GlobSetBuilder};
-use mtf::image::parse_preprocessor;
+use mtf::image::{PreProcessor, parse_preprocessor};
 use mtf::registry::{
     DEFAULT_AM, DEFAULT_SM, DEFAULT_SSM, Refusal, Registry, Selection, SpecError, TrackerSpec,
 };
@@ -22,9 +23,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Filter of frames that is not asked for otherwise.
-pub const USUAL_FILTER: &str = "gaussian:5:3";
-
 /// The request of an experiment, but for how and where it is run. `command` is what to record of how it was asked for.
 ///
 /// # Errors
@@ -33,7 +31,7 @@ pub fn experiment(
     args: &ExperimentArgs,
     mut command: Vec<String>,
     program: &Program,
-) -> Result<RunRequest, Failure> {
+) -> Result<RunRequestBuilder, Failure> {
     let (registry, console) = (&program.catalogue.registry, &program.console);
     let file = args
         .grid
@@ -44,8 +42,7 @@ pub fn experiment(
         .unwrap_or_default();
     let mut args = args.clone();
     complete(&mut args, &file).map_err(Failure::usage)?;
-    let pre =
-        parse_preprocessor(args.trackers.pre.as_deref().unwrap_or(USUAL_FILTER)).map_err(Failure::usage)?;
+    let pre = filter(&args.trackers)?;
     let settings = file.settings(|name| overridden(&args.trackers, name));
     let (specs, refused) = specs(&args.trackers, &settings, registry).map_err(|e| match file.blame(&e) {
         Some(line) => Failure::usage(file.at(line, e)),
@@ -65,28 +62,32 @@ pub fn experiment(
     about.insert("max_frames".into(), args.selection.max_frames.into());
     about.insert("gt_ssm".into(), args.selection.gt_ssm.clone().into());
     about.insert("command".into(), command.into());
-    Ok(RunRequest {
-        trackers,
-        sequences,
-        pre,
-        protocol: args.protocol.clone().unwrap_or_default(),
-        seed: args.seed.unwrap_or(0),
-        shard: None,
-        threads: 0,
-        threads_per_tracker: 1,
-        memory: u64::MAX,
-        out: PathBuf::new(),
-        force: false,
-        frame_logs: match args.frame_logs.frame_logs {
-            None | Some(FrameLogsArg::Csv) => FrameLogs::Csv,
-            Some(FrameLogsArg::Zst) => FrameLogs::Zst,
-            Some(FrameLogsArg::None) => FrameLogs::None,
-        },
-        timeout: args.timeout.map(Duration::from_secs_f64),
-        grace: Duration::ZERO,
-        about,
-        host: Map::new(),
-    })
+    let frame_logs = match args.frame_logs.frame_logs {
+        None | Some(FrameLogsArg::Csv) => FrameLogs::Csv,
+        Some(FrameLogsArg::Zst) => FrameLogs::Zst,
+        Some(FrameLogsArg::None) => FrameLogs::None,
+    };
+    let request = RunRequest::builder()
+        .trackers(trackers)
+        .sequences(sequences)
+        .filter(pre)
+        .protocol(args.protocol.unwrap_or_default())
+        .seed(args.seed.unwrap_or(0))
+        .frame_logs(frame_logs)
+        .timeout(args.timeout.map(Duration::from_secs_f64))
+        .about(about);
+    Ok(request)
+}
+
+/// The filter that was asked for.
+///
+/// # Errors
+/// There is none of that name.
+pub fn filter(args: &TrackerArgs) -> Result<Arc<dyn PreProcessor>, Failure> {
+    match &args.pre {
+        Some(text) => parse_preprocessor(text).map_err(Failure::usage),
+        None => Ok(usual_filter()),
+    }
 }
 
 /// Takes from the file what no flag says.

@@ -8,7 +8,7 @@ use super::program::Program;
 use super::progress::Progress;
 use super::recorded::recorded;
 use super::signals::stop_on_signals;
-use crate::plan::RunRequest;
+use crate::plan::{RunRequest, RunRequestBuilder};
 use crate::report::{TableOptions, table};
 use crate::run::runner::RunReport;
 use clap::{Args, Parser};
@@ -16,9 +16,6 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-
-/// Memory for trackers that nobody asked for: more makes nothing faster, as groups of trackers are bounded.
-const MOST_MEMORY: u64 = 3 << 30;
 
 /// Failed units named on stderr; the rest is in the files.
 const FAILURES_SHOWN: usize = 5;
@@ -123,7 +120,6 @@ fn track(args: &RunArgs, words: &[String], program: &Program) -> Result<RunRepor
 
 /// The request that the arguments describe.
 fn request(args: &RunArgs, words: &[String], program: &Program) -> Result<RunRequest, Failure> {
-    let mut request = experiment(&args.experiment, recorded(words), program)?;
     let ExecutionArgs {
         out,
         force,
@@ -134,24 +130,24 @@ fn request(args: &RunArgs, words: &[String], program: &Program) -> Result<RunReq
         max_time: _,
         grace,
     } = args.execution.clone();
-    request
-        .host
-        .insert("revision".into(), option_env!("MTF_EVAL_REVISION").into());
-    request.threads_per_tracker = threads_per_tracker;
-    request.threads = threads.or_else(slurm_cpus).unwrap_or(0);
-    request.memory = memory.unwrap_or_else(|| (machine_memory() / 2).min(MOST_MEMORY));
-    request.shard = shard;
-    request.force = force;
-    request.grace = grace;
-    request.out = match out {
+    let host = [("revision".to_owned(), option_env!("MTF_EVAL_REVISION").into())];
+    let request = experiment(&args.experiment, recorded(words), program)?
+        .threads_per_tracker(threads_per_tracker)
+        .threads(threads.or_else(slurm_cpus).unwrap_or(0))
+        .memory(memory.unwrap_or_else(|| (machine_memory() / 2).min(RunRequest::MEMORY)))
+        .shard(shard)
+        .force(force)
+        .grace(grace)
+        .host(host.into_iter().collect());
+    let out = match out {
         Some(out) => out,
         None => default_out(&request)?,
     };
-    Ok(request)
+    Ok(request.out(out).build()?)
 }
 
 /// `results/<UTC date-time>-<hash of what is run>`.
-fn default_out(request: &RunRequest) -> Result<PathBuf, Failure> {
+fn default_out(request: &RunRequestBuilder) -> Result<PathBuf, Failure> {
     let plan = request.plan()?;
     let plan = serde_json::to_vec(&plan).map_err(Failure::usage)?;
     let format = time::macros::format_description!("[year][month][day]-[hour][minute][second]");

@@ -4,7 +4,7 @@
 //! tracker, which knows the box in the unwarped image, starts there. It has converged when it is within a threshold
 //! of the moved corners after a few updates on the warped image. All trackers see the same warps.
 
-use crate::plan::{TrackerEntry, derived_seed};
+use crate::plan::{TrackerEntry, derived_seed, usual_filter};
 use mtf::geom::{Corners, Mat3, homography};
 use mtf::image::{Frame, Image, PreProcessor};
 use mtf::tracker::Tracker;
@@ -44,6 +44,37 @@ pub struct BasinRequest {
     pub pre: Arc<dyn PreProcessor>,
     /// Seed of warps and trackers.
     pub seed: u64,
+}
+
+impl BasinRequest {
+    /// Mean corner distance of a converged tracker unless told otherwise, px.
+    pub const WITHIN: f64 = 1.0;
+
+    /// `trackers`, converged within [`WITHIN`](Self::WITHIN), on `textures`, with the program's defaults: 500 warps for
+    /// each of the usual sigmas, a box of 200 px, 3 updates, the usual filter, seed 0.
+    pub fn new(trackers: Vec<TrackerEntry>, textures: Vec<Texture>) -> BasinRequest {
+        let side = 200.0;
+        BasinRequest {
+            trackers: trackers.into_iter().map(|t| (t, BasinRequest::WITHIN)).collect(),
+            textures,
+            sigmas: usual_sigmas(side),
+            trials: 500,
+            side,
+            updates: 3,
+            pre: usual_filter(),
+            seed: 0,
+        }
+    }
+}
+
+/// Powers of the square root of 2, rounded to whole numbers, from 1 px to a quarter of the box's side.
+pub fn usual_sigmas(side: f64) -> Vec<f64> {
+    let mut sigmas: Vec<f64> = (0..)
+        .map(|k| 2f64.powf(0.5 * f64::from(k)).round())
+        .take_while(|s| *s <= side / 4.0)
+        .collect();
+    sigmas.dedup();
+    sigmas
 }
 
 /// How often a tracker converged from one sigma.
@@ -98,6 +129,7 @@ pub fn half_rate_sigma(rows: &[&BasinRow]) -> Option<f64> {
 
 /// Why an experiment cannot be made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum BasinError {
     /// Nothing to do.
     #[error("no {0}")]
@@ -422,6 +454,11 @@ mod tests {
         assert_eq!(alone, rows(&["esm/ssd/homography"], 2));
         let among = rows(&["fclk/ncc/affine", "esm/ssd/homography"], 2);
         assert_eq!(alone, among[alone.len()..]);
+    }
+
+    #[test]
+    fn sigmas_grow_to_a_quarter_of_the_box() {
+        assert_eq!(usual_sigmas(40.0), [1.0, 2.0, 3.0, 4.0, 6.0, 8.0]);
     }
 
     #[test]

@@ -7,12 +7,12 @@
 //! frames (per frame, per iteration), their median and 95th percentile. Image pyramids are made once per frame and count
 //! as filtering.
 
-use crate::dataset::Sequence;
+use crate::dataset::{DatasetError, Sequence};
 use crate::measure::machine::Machine;
 use crate::metric::error::frame_error;
 use crate::metric::score::Sample;
 use crate::panics;
-use crate::plan::{TrackerEntry, sequence_id};
+use crate::plan::{TrackerEntry, sequence_id, usual_filter};
 use mtf::image::{Frame, PreProcessor};
 use mtf::tracker::Tracker;
 use serde::{Deserialize, Serialize};
@@ -66,6 +66,46 @@ pub struct BenchRow {
     pub fps: f64,
     /// Fraction of the frames within 5 px of the truth: the speed of a tracker that has lost its object says little.
     pub sr_5: Option<f64>,
+}
+
+impl BenchRequest {
+    /// `trackers` over `sequences` with the program's defaults: the usual filter, 5 passes within 5 s per tracker and
+    /// sequence, seed 0, one thread.
+    pub fn new(trackers: Vec<TrackerEntry>, sequences: Vec<Sequence>) -> BenchRequest {
+        BenchRequest {
+            trackers,
+            sequences,
+            pre: usual_filter(),
+            repeats: 5,
+            budget: Duration::from_secs(5),
+            seed: 0,
+            threads: 1,
+        }
+    }
+}
+
+/// Why a measurement was not made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BenchError {
+    /// A sequence has no frame to start on.
+    #[error("{0}: no frame has ground truth to start from")]
+    NoStart(String),
+    /// A frame cannot be read.
+    #[error(transparent)]
+    Frame(#[from] DatasetError),
+    /// Asked to stop.
+    #[error("stopped; a measurement cannot be resumed, run it again")]
+    Stopped,
+}
+
+/// What was measured.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BenchReport {
+    /// A row per tracker, in their order.
+    pub rows: Vec<BenchRow>,
+    /// Trackers without figures, and why.
+    pub failed: Vec<(String, String)>,
 }
 
 impl BenchRow {
@@ -144,28 +184,22 @@ struct Pass {
     errors: Vec<Option<crate::metric::error::FrameError>>,
 }
 
-/// Measures everything in `request`, one tracker at a time. `progress` is told the share that is done. Rows are in the
-/// order of the trackers; the second list names those that failed, and why. `None` when `stop` was set.
+/// Measures everything in `request`, one tracker at a time. `progress` is told the share that is done.
 ///
 /// # Errors
-/// A frame cannot be read, or a sequence has no ground truth to start from.
+/// A frame cannot be read, a sequence has no ground truth to start from, or `stop` was set.
 pub fn run(
     request: &BenchRequest,
     stop: &AtomicBool,
     progress: &dyn Fn(f64),
-) -> Result<Option<(Vec<BenchRow>, Vec<(String, String)>)>, String> {
+) -> Result<BenchReport, BenchError> {
     let mut sums: Vec<Sum> = request.trackers.iter().map(|_| Sum::default()).collect();
     let passes = (request.sequences.len() * request.trackers.len() * (request.repeats + 1)) as f64;
     let mut done = 0.0;
     for sequence in &request.sequences {
         let start = (0..sequence.len())
             .find(|&i| sequence.truth(i).is_some())
-            .ok_or_else(|| {
-                format!(
-                    "{}: no frame has ground truth to start from",
-                    sequence_id(sequence)
-                )
-            })?;
+            .ok_or_else(|| BenchError::NoStart(sequence_id(sequence)))?;
         let frames = load(request, sequence, start)?;
         let mut best: Vec<Option<Pass>> = request.trackers.iter().map(|_| None).collect();
         let mut spent = vec![Duration::ZERO; best.len()];
@@ -174,7 +208,7 @@ pub fn run(
         for pass in 0..=request.repeats {
             for (i, entry) in request.trackers.iter().enumerate() {
                 if stop.load(Ordering::Relaxed) {
-                    return Ok(None);
+                    return Err(BenchError::Stopped);
                 }
                 done += 1.0;
                 if sums[i].failed.is_some() || (pass > 1 && spent[i] > request.budget) {
@@ -197,34 +231,35 @@ pub fn run(
             sum.errors.extend(pass.errors);
         }
     }
-    let mut rows = Vec::new();
-    let mut failed = Vec::new();
+    let mut report = BenchReport::default();
     for (entry, sum) in request.trackers.iter().zip(sums) {
         let id = &entry.name.id;
         match sum.failed {
-            Some(reason) => failed.push((id.clone(), reason)),
-            None if sum.seconds.is_empty() => {
-                failed.push((id.clone(), "no frame could be tracked".to_owned()))
-            }
+            Some(reason) => report.failed.push((id.clone(), reason)),
+            None if sum.seconds.is_empty() => report
+                .failed
+                .push((id.clone(), "no frame could be tracked".to_owned())),
             None => {
                 let sample = Sample::new(&sum.errors, []);
                 let sr_5 = sample.score().sr_5;
-                rows.push(BenchRow::new(id, sum.seconds, sum.iterations, sr_5));
+                report
+                    .rows
+                    .push(BenchRow::new(id, sum.seconds, sum.iterations, sr_5));
             }
         }
     }
-    Ok(Some((rows, failed)))
+    Ok(report)
 }
 
 /// Decodes and filters the frames from `start` on, in as many channels as the trackers want.
-fn load(request: &BenchRequest, sequence: &Sequence, start: usize) -> Result<Vec<Frame>, String> {
+fn load(request: &BenchRequest, sequence: &Sequence, start: usize) -> Result<Vec<Frame>, DatasetError> {
     let colour = request.trackers.iter().any(|entry| {
         let made = panics::catch(|| (entry.make)());
         made.and_then(|made| made).is_ok_and(|t| t.channels() == 3)
     });
     (start..sequence.len())
         .map(|i| {
-            let decoded = sequence.read(i, colour).map_err(|e| e.to_string())?;
+            let decoded = sequence.read(i, colour)?;
             let frame = Frame::new(decoded, Arc::clone(&request.pre));
             frame.gray();
             if colour {
@@ -368,7 +403,7 @@ mod tests {
             seed: 0,
             threads: 1,
         };
-        let (rows, failed) = run(&request, &AtomicBool::new(false), &|_| {}).unwrap().unwrap();
+        let BenchReport { rows, failed } = run(&request, &AtomicBool::new(false), &|_| {}).unwrap();
         assert_eq!((rows.len(), failed.len()), (2, 1));
         assert_eq!(
             (rows[0].tracker.as_str(), rows[0].frames),
@@ -376,6 +411,7 @@ mod tests {
         );
         assert!(rows[0].iterations.unwrap() >= 1.0 && rows[0].us_per_frame > 0.0);
         assert!(failed[0].1.contains("out of order"));
-        assert!(run(&request, &AtomicBool::new(true), &|_| {}).unwrap().is_none());
+        let stopped = run(&request, &AtomicBool::new(true), &|_| {});
+        assert!(matches!(stopped, Err(BenchError::Stopped)));
     }
 }

@@ -7,6 +7,9 @@ pub enum PlanError {
     /// No tracker or no sequence was asked for.
     #[error("nothing to run: {0}")]
     Nothing(&'static str),
+    /// A request says nowhere to write to.
+    #[error("no run directory to write to")]
+    NoDirectory,
     /// Two different sequences would write the same files.
     #[error(
         "two different sequences are both called {0}: give one of the data sets another folder name, or run them apart"

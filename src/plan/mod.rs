@@ -16,7 +16,7 @@ pub use experiment_file::{ExperimentFile, ExperimentFileError, Located};
 pub use keys::{UnitKey, UnitKeys};
 pub use protocol::{Protocol, Protocols};
 pub(crate) use request::Prepared;
-pub use request::{RunRequest, sequence_id};
+pub use request::{RunRequest, RunRequestBuilder, USUAL_FILTER, sequence_id, usual_filter};
 pub use seed::derived_seed;
 pub use shard::{Cut, Shard, Sharding};
 pub use tracker::{Make, TrackerEntry};
