@@ -8,6 +8,7 @@ mod protocol;
 mod request;
 mod seed;
 mod shard;
+mod spread;
 mod tracker;
 mod units;
 
@@ -19,5 +20,6 @@ pub(crate) use request::Prepared;
 pub use request::{RunRequest, RunRequestBuilder, USUAL_FILTER, sequence_id, usual_filter};
 pub use seed::derived_seed;
 pub use shard::{Cut, Shard, Sharding};
+pub(crate) use spread::spread;
 pub use tracker::{Make, TrackerEntry};
 pub use units::{FrameLogs, Plan, PlannedSequence, PlannedTracker, RUN_FORMAT_VERSION, Unit};

@@ -6,6 +6,7 @@
 //! ids, so that costly families do not gather in one slice. *Hashes* deal out blocks of a sequence and a sixteenth of the
 //! trackers; what is added to a plan leaves the rest where it was.
 
+use super::spread::spread;
 use super::units::{Plan, Unit};
 use sha2::{Digest, Sha256};
 use std::fmt;
@@ -94,7 +95,7 @@ impl Sharding {
         let trackers = match cut {
             Cut::Slice => {
                 let mut order: Vec<u32> = (0..plan.trackers.len() as u32).collect();
-                order.sort_by_key(|&rank| u64::from(rank).wrapping_mul(0x9E37_79B9_7F4A_7C15));
+                order.sort_by_key(|&rank| spread(rank.into()));
                 let mut place = vec![0; order.len()];
                 (0..).zip(&order).for_each(|(k, &rank)| place[rank as usize] = k);
                 place

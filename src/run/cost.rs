@@ -3,7 +3,7 @@
 //! Units are taken evenly over trackers and sequences. With mean time `i` to start and `u` per update, a plan of `U` units
 //! and `F` frames takes `U i + (F - U) u` of one core.
 
-use crate::plan::{FrameLogs, PlanError, Protocol, RunRequestBuilder, UnitKeys};
+use crate::plan::{FrameLogs, PlanError, Protocol, RunRequestBuilder, UnitKeys, spread};
 use crate::run::error::RunError;
 use crate::run::runner::{Silent, run};
 use crate::store::StoreError;
@@ -46,13 +46,12 @@ pub fn measure(request: &RunRequestBuilder, count: usize) -> Result<Cost, RunErr
     let plan = request.plan()?;
     let temporary =
         tempfile::tempdir().map_err(|e| StoreError::io(std::path::Path::new("temporary folder"), e))?;
-    let golden = |k: usize| (k as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-    let place = |k: usize, len: usize| ((u128::from(golden(k)) * len as u128) >> 64) as usize;
+    let place = |k: usize, len: usize| ((u128::from(spread(k as u64)) * len as u128) >> 64) as usize;
     let (trackers, sequences) = request.parts();
     let mut times = Vec::new();
     let mut seen = std::collections::BTreeSet::new();
     for k in 0..count.min(trackers.len() * sequences.len()) {
-        // Neighbouring multiples of the golden ratio fill the trackers evenly; sequences come in turn.
+        // Trackers are filled evenly, sequences come in turn.
         let (tracker, sequence) = (place(k + 1, trackers.len()), k % sequences.len());
         if !seen.insert((tracker, sequence)) {
             continue;
