@@ -2,7 +2,7 @@
 
 use super::args::ProgressMode;
 use super::console::Console;
-use crate::run::runner::Observer;
+use crate::run::Observer;
 use crate::store::journal::Entry;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;

@@ -10,7 +10,7 @@ use super::recorded::recorded;
 use super::signals::stop_on_signals;
 use crate::plan::{RunRequest, RunRequestBuilder};
 use crate::report::{TableOptions, table};
-use crate::run::runner::RunReport;
+use crate::run::RunReport;
 use clap::{Args, Parser};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

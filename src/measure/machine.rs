@@ -51,7 +51,7 @@ impl Machine {
             }
             .to_owned(),
             load: load(),
-            date: crate::store::utc_now(),
+            date: crate::store::host::utc_now(),
         }
     }
 

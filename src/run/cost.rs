@@ -5,7 +5,8 @@
 
 use crate::plan::{FrameLogs, PlanError, Protocol, RunRequestBuilder, UnitKeys, spread};
 use crate::run::error::RunError;
-use crate::run::runner::{Silent, run};
+use crate::run::observer::Silent;
+use crate::run::runner::run;
 use crate::store::StoreError;
 use crate::store::journal::Journal;
 use std::sync::atomic::AtomicBool;

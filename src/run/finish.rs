@@ -12,8 +12,9 @@ use crate::run::error::RunError;
 use crate::store::Durable;
 use crate::store::StoreError;
 use crate::store::framelog::{parse_log, score_log, unpack_log};
+use crate::store::host::host_name;
 use crate::store::journal::{Entry, EntryStatus, Journal, UnitTime};
-use crate::store::rundir::{RunDir, digest, host_name};
+use crate::store::rundir::{RunDir, digest};
 use crate::store::truth::{self, Truth};
 use rayon::prelude::*;
 use serde_json::{Map, Value};
@@ -157,7 +158,7 @@ pub(crate) fn host(threads: usize) -> Map<String, Value> {
     host.insert("os".into(), std::env::consts::OS.into());
     host.insert("arch".into(), std::env::consts::ARCH.into());
     host.insert("threads".into(), threads.into());
-    host.insert("started".into(), crate::store::utc_now().into());
+    host.insert("started".into(), crate::store::host::utc_now().into());
     host
 }
 

@@ -6,7 +6,8 @@
 use crate::plan::{Cut, Plan, PlanError, Shard, Sharding, Unit, UnitKeys};
 use crate::run::error::RunError;
 use crate::run::finish::{self, ResultSource, is_done};
-use crate::run::runner::{Observer, RunReport, pool};
+use crate::run::observer::Observer;
+use crate::run::runner::{RunReport, pool};
 use crate::store::StoreError;
 use crate::store::journal::{Entry, EntryStatus, Journal, JournalWriter};
 use crate::store::lock::Holder;

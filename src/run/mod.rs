@@ -1,16 +1,18 @@
-//! Runs: from a request to result files. Depends on everything but `cli`.
+//! Runs: from a request to result files. Depends on `plan`, `store`, `measure` and `report`.
 
 pub mod cost;
 mod error;
 mod finish;
 pub mod merge;
+mod observer;
 mod pass;
 pub mod profile;
-pub mod runner;
+mod runner;
 mod schedule;
 
 pub use error::RunError;
-pub use runner::{Observer, RunReport, Silent, run};
+pub use observer::{Observer, Silent};
+pub use runner::{RunReport, run};
 
 #[cfg(test)]
 mod tests;

@@ -4,51 +4,20 @@ use crate::metric::aggregate::Results;
 use crate::plan::{RunRequest, Sharding, Unit, UnitKeys};
 use crate::run::error::RunError;
 use crate::run::finish::{self, ResultSource};
+use crate::run::observer::Observer;
 use crate::run::profile::{Profile, Spent};
 use crate::run::schedule::{Context, groups, groups_at_once, run_units};
-use crate::store::journal::{Entry, EntryStatus, Journal, JournalWriter};
+use crate::store::journal::{EntryStatus, Journal, JournalWriter};
 use crate::store::rundir::RunDir;
 use crate::store::truth;
 use rayon::prelude::*;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, OnceLock, mpsc};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Units that may wait for the journal before trackers do.
 const JOURNAL_QUEUE: usize = 1024;
-
-/// Watches a run. Called from many threads.
-pub trait Observer: Sync {
-    /// About to track: `pending` of `units` are left to do, `frames` tracker frames in all.
-    fn begin(&self, units: usize, pending: usize, frames: u64) {
-        let _ = (units, pending, frames);
-    }
-    /// `count` more tracker frames are done.
-    fn frames(&self, count: u64) {
-        let _ = count;
-    }
-    /// A unit has ended.
-    fn unit(&self, entry: &Entry) {
-        let _ = entry;
-    }
-    /// Asked to stop; what is in progress has `grace` to end.
-    fn stopping(&self, grace: Duration) {
-        let _ = grace;
-    }
-    /// All units have ended, or the run stops early.
-    fn end(&self) {}
-    /// Something the user should know.
-    fn warn(&self, message: &str) {
-        let _ = message;
-    }
-}
-
-/// Watches nothing.
-#[derive(Clone, Copy, Debug)]
-pub struct Silent;
-
-impl Observer for Silent {}
 
 /// What a finished run has to tell.
 #[derive(Clone, Debug)]

@@ -11,9 +11,9 @@ use crate::dataset::Sequence;
 use crate::panics;
 use crate::plan::{FrameLogs, Prepared, RunRequest, Unit, UnitKeys};
 use crate::run::error::RunError;
+use crate::run::observer::Observer;
 use crate::run::pass::{Pass, Ready};
 use crate::run::profile::{Activity, Spent};
-use crate::run::runner::Observer;
 use crate::store::StoreError;
 use crate::store::framelog::{Row, format_log, pack_log, score_log};
 use crate::store::journal::{Entry, EntryStatus, Finished, UnitTime};
@@ -417,7 +417,7 @@ fn unit_time(mut seconds: Vec<f32>, input_seconds: f64, threads: usize) -> UnitT
         input_seconds,
         updates: seconds.len(),
         threads,
-        finished: crate::store::utc_now(),
+        finished: crate::store::host::utc_now(),
     }
 }
 

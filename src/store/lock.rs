@@ -4,7 +4,7 @@
 //! Where the file system has no locks, what the file says has to do.
 
 use crate::store::error::StoreError;
-use crate::store::rundir::host_name;
+use crate::store::host::host_name;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, Write};
 use std::path::Path;
@@ -26,7 +26,7 @@ impl Holder {
         format!(
             "pid {pid} on {} since {}{began}",
             host_name(),
-            crate::store::utc_now()
+            crate::store::host::utc_now()
         )
     }
 
