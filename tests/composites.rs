@@ -1,7 +1,7 @@
 //! Grids of points and of trackers, straight lines and key points, on scenes made of the textures the crate draws.
 
 use mtf::compose::{FlowGrid, Grid, GridReset, LineParams, LineTracker, NodeParams, PatchParams};
-use mtf::estimate::{EstimateMethod, EstimatorParams};
+use mtf::consensus::{EstimateMethod, EstimatorParams};
 use mtf::features::{FeatureParams, FeatureTracker, MatchParams};
 use mtf::flow::KltParams;
 use mtf::geom::{Corners, Mat3, homography};

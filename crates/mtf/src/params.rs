@@ -1,6 +1,6 @@
 //! Typed parameters of appearance models, state space models and search methods.
 //!
-//! [`params!`] declares a struct together with the table that `list params`, `--set` and tracker expressions read:
+//! [`params!`](crate::params!) declares a struct together with the table that `list params`, `--set` and tracker expressions read:
 //! name, default, allowed range and documentation live in one place. Depends on nothing else in the crate.
 
 use std::fmt::{self, Display};

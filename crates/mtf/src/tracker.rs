@@ -60,6 +60,10 @@ pub enum TrackError {
 }
 
 impl TrackError {
+    /// What becomes of regions beyond [`LARGEST_REGION`](crate::geom::LARGEST_REGION).
+    pub(crate) const TOO_LARGE: TrackError =
+        TrackError::Degenerate("region is more than four times the image");
+
     /// One word for the status column of frame logs.
     pub fn word(&self) -> &'static str {
         match self {

@@ -1,6 +1,6 @@
 //! Robust estimation of homographies and smaller warps from noisy pairs with outliers, over many seeds.
 
-use mtf::estimate::{EstimateMethod, Estimator, EstimatorParams};
+use mtf::consensus::{EstimateMethod, Estimator, EstimatorParams};
 use mtf::geom::{Corners, homography};
 use mtf::params::Resolution;
 use mtf::ssm::{SSMS, StateSpaceModel};

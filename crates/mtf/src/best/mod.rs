@@ -13,7 +13,7 @@ mod seek;
 mod smear;
 mod view;
 
-use crate::estimate::{EstimateMethod, Estimator, EstimatorParams};
+use crate::consensus::{EstimateMethod, Estimator, EstimatorParams};
 use crate::features::{FeatureParams, FeatureTracker, MatchParams};
 use crate::flow::{Klt, KltParams};
 use crate::geom::{Corners, Mat3, homography};

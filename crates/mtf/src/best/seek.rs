@@ -2,7 +2,7 @@
 
 use super::align::Score;
 use super::{Best, FOUND, SURE};
-use crate::estimate::PointModel;
+use crate::consensus::Homographies;
 use crate::geom::{Mat3, homography};
 use crate::image::Frame;
 use crate::tracker::Tracker;
@@ -37,24 +37,6 @@ const STANDS_OUT: f32 = 9.0;
 /// and most that are aligned to the end.
 const GLANCE: usize = 200;
 const KEPT: (usize, usize, usize) = (10, 3, 2);
-
-/// The plane's motion between frames.
-struct Plane;
-
-impl PointModel for Plane {
-    fn min_points(&self) -> usize {
-        4
-    }
-    fn fit(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
-        homography::from_points(from, to)
-    }
-    fn minimal(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
-        homography::from_four(from, to)
-    }
-    fn refine(&self, m: &Mat3, from: &[[f64; 2]], to: &[[f64; 2]], iterations: usize) -> Option<Mat3> {
-        homography::refine(m, from, to, iterations)
-    }
-}
 
 /// A pose with its score.
 #[derive(Clone, Copy, Debug)]
@@ -139,7 +121,10 @@ impl Best {
         if self.from.len() < FLOW.0 {
             return None;
         }
-        let pose = self.estimator.estimate(&Plane, &self.from, &self.to).ok()?;
+        let pose = self
+            .estimator
+            .estimate(&Homographies, &self.from, &self.to)
+            .ok()?;
         let agreed = self.estimator.inliers().iter().filter(|i| **i).count();
         let sure = agreed >= FLOW.0 && agreed as f64 >= FLOW.1 * self.nodes.len() as f64;
         Some((pose / pose[(2, 2)], sure && self.aligner.sound(&pose, frame)))

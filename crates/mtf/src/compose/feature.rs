@@ -1,7 +1,7 @@
 //! The row of tracking by key points ([`FeatureTracker`]), which takes no members.
 
 use super::entry::{CompositeEntry, CompositeFamily, WarpParams};
-use crate::estimate::EstimatorParams;
+use crate::consensus::EstimatorParams;
 use crate::features::{FeatureParams, FeatureTracker, MatchParams};
 use crate::params::Params;
 use std::sync::Arc;

@@ -2,7 +2,7 @@
 
 use super::entry::{CompositeEntry, CompositeFamily, Make, Parts, Refused};
 use super::nodes::{NodeParams, Nodes, PointSettings};
-use crate::estimate::EstimatorParams;
+use crate::consensus::EstimatorParams;
 use crate::flow::{Klt, KltParams, PointStatus, Tracked};
 use crate::geom::{Corners, homography};
 use crate::image::Frame;

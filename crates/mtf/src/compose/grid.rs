@@ -5,7 +5,7 @@ use super::flow_grid::{self, FlowSettings};
 use super::nodes::{NodeParams, Nodes, PointSettings};
 use super::seed::{self, Apart};
 use super::straighten::Lines;
-use crate::estimate::EstimatorParams;
+use crate::consensus::EstimatorParams;
 use crate::flow::Texture;
 use crate::geom::{Corners, homography};
 use crate::image::Frame;

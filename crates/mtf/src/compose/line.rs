@@ -4,7 +4,7 @@ use super::entry::{CompositeEntry, CompositeFamily};
 use super::grid::{Grid, GridSettings, PatchParams};
 use super::nodes::NodeParams;
 use super::straighten::{LineParams, Lines};
-use crate::estimate::EstimatorParams;
+use crate::consensus::EstimatorParams;
 use crate::geom::Corners;
 use crate::image::Frame;
 use crate::params::Params;

@@ -4,7 +4,7 @@
 //! where they have been found, so that nothing is composed from frame to frame but what the nodes themselves carry.
 
 use super::entry::WarpParams;
-use crate::estimate::{Estimator, EstimatorParams};
+use crate::consensus::{Estimator, EstimatorParams};
 use crate::geom::{Corners, Mat3, homography};
 use crate::image::Frame;
 use crate::params::Resolution;
@@ -240,11 +240,11 @@ impl<S: StateSpaceModel> Nodes<S> {
         self.before.clear();
         self.before.extend_from_slice(self.ssm.state());
         self.ssm.estimate(&mut self.estimator, &self.from, &self.to)?;
-        let huge = self.ssm.corners().signed_area().abs() > 4.0 * (frame.width() * frame.height()) as f64;
+        let huge = self.ssm.corners().outgrow(frame.width(), frame.height());
         if huge || self.follow().is_err() {
             self.ssm.set_state(&self.before)?;
             self.follow()?;
-            return Err(TrackError::Degenerate("region is more than four times the image"));
+            return Err(TrackError::TOO_LARGE);
         }
         let mut agreed = self.estimator.inliers().iter();
         for ((inlier, f), x) in self.inliers.iter_mut().zip(found).zip(&self.now) {

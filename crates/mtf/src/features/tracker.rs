@@ -1,7 +1,7 @@
 //! Key points of the template found again in each frame, and one warp fitted to the matches.
 
 use super::{Extractor, KeyPoint, MatchParams, Matcher, Region, SCALES, scale_factor};
-use crate::estimate::{Estimator, EstimatorParams};
+use crate::consensus::{Estimator, EstimatorParams};
 use crate::geom::{Corners, Mat3, homography};
 use crate::image::Frame;
 use crate::kernels::{Bits, hamming};

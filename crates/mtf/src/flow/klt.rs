@@ -4,7 +4,7 @@
 
 use crate::image::{Frame, Image};
 use crate::kernels::{self, FlowWindow, Place};
-use rayon::prelude::*;
+use crate::threads::in_shares;
 
 crate::params! {
     /// Parameters of pyramidal Lucas-Kanade flow.
@@ -135,12 +135,9 @@ impl Klt {
             out.extend((0..count).map(|i| point(self, i)));
             return;
         }
-        let share = count.div_ceil(self.helpers.len());
-        let helpers = self.helpers.par_iter_mut().enumerate();
-        helpers.for_each(|(k, (klt, tracked))| {
+        in_shares(&mut self.helpers, count, |(klt, tracked), share| {
             tracked.clear();
-            let mine = count.min(k * share)..count.min((k + 1) * share);
-            tracked.extend(mine.map(|i| point(klt, i)));
+            tracked.extend(share.map(|i| point(klt, i)));
         });
         out.extend(self.helpers.iter().flat_map(|(_, tracked)| tracked));
     }

@@ -1,6 +1,6 @@
 //! Motion of points between two frames.
 //!
-//! Depends on `image`, `kernels` and `params` only.
+//! Depends on `image`, `kernels`, `params` and `threads` only.
 
 mod klt;
 

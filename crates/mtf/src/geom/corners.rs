@@ -2,6 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+/// Largest area of a region that is still tracked, in areas of the image. A region that is larger has been lost: the
+/// image hardly says anything about it.
+pub const LARGEST_REGION: f64 = 4.0;
+
 /// Corners of a quadrilateral in image pixels, order UL, UR, LR, LL (clockwise on screen).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -37,6 +41,11 @@ impl Corners {
             .map(|i| c[i][0] * c[(i + 1) % 4][1] - c[(i + 1) % 4][0] * c[i][1])
             .sum::<f64>()
             / 2.0
+    }
+
+    /// True when the area is more than [`LARGEST_REGION`] times that of an image of `width` x `height` px.
+    pub fn outgrow(&self, width: usize, height: usize) -> bool {
+        self.signed_area().abs() > LARGEST_REGION * (width * height) as f64
     }
 
     /// True when all eight numbers are finite.

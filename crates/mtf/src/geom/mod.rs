@@ -10,6 +10,6 @@ pub mod lie;
 pub mod polygon;
 pub mod solve;
 
-pub use corners::Corners;
+pub use corners::{Corners, LARGEST_REGION};
 /// 3x3 matrix acting on homogeneous points `(x, y, 1)`.
 pub type Mat3 = nalgebra::Matrix3<f64>;

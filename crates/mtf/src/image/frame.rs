@@ -1,6 +1,7 @@
 //! One frame of a sequence, shared by every tracker that runs on it.
 
-use super::{Identity, Image, Pixels, PreProcessor, pyramid};
+use super::pixel_view::Copied;
+use super::{Identity, Image, PixelView, Pixels, PreProcessor, pyramid};
 use std::sync::{Arc, OnceLock};
 
 /// A decoded frame with its pre-processed float images and their pyramid, each made at most once and on first use.
@@ -16,6 +17,8 @@ struct Inner {
     pre: Arc<dyn PreProcessor>,
     /// Made from a float image, which `gray` holds from the start.
     made: bool,
+    /// Float pixels as they came in, before `pre`.
+    floats: Option<Image>,
     decoded: OnceLock<Pixels>,
     gray: OnceLock<Image>,
     colour: OnceLock<Image>,
@@ -31,6 +34,7 @@ impl Frame {
             height,
             pre,
             made,
+            floats: None,
             decoded: OnceLock::new(),
             gray: OnceLock::new(),
             colour: OnceLock::new(),
@@ -46,6 +50,20 @@ impl Frame {
             decoded: OnceLock::from(decoded),
             ..Self::build(width, height, pre, false)
         }))
+    }
+
+    /// A frame from pixels in somebody else's memory, which are copied; `pre` is applied to each float image made from them.
+    /// The gray of colours is BT.601, `0.299 R + 0.587 G + 0.114 B`, rounded for bytes and not for floats.
+    ///
+    /// Where no tracker reads colour, a gray view saves the copy of the colours.
+    pub fn from_view(view: &PixelView<'_>, pre: Arc<dyn PreProcessor>) -> Self {
+        match view.copied() {
+            Copied::Bytes(pixels) => Frame::new(pixels, pre),
+            Copied::Floats(image) => Frame(Arc::new(Inner {
+                floats: Some(image),
+                ..Self::build(view.width(), view.height(), pre, false)
+            })),
+        }
     }
 
     /// A frame that is this single-plane image as it stands (repeated in each plane in colour), for callers that have
@@ -66,26 +84,33 @@ impl Frame {
     pub fn height(&self) -> usize {
         self.0.height
     }
-    /// The pixels as they came from the file; for frames made of float images, those rounded.
+    /// The pixels as they came in; for frames made of floats, those rounded.
     pub fn decoded(&self) -> &Pixels {
         self.0
             .decoded
-            .get_or_init(|| Pixels::gray_from_image(self.gray()))
+            .get_or_init(|| Pixels::from_image(self.0.floats.as_ref().unwrap_or_else(|| self.gray())))
     }
     /// Pre-processed single-plane image, 0–255 (BT.601 gray).
     pub fn gray(&self) -> &Image {
-        self.0
-            .gray
-            .get_or_init(|| self.0.pre.apply(self.decoded().to_gray()))
+        self.0.gray.get_or_init(|| {
+            let raw = match &self.0.floats {
+                Some(image) => image.to_gray(),
+                None => self.decoded().to_gray(),
+            };
+            self.0.pre.apply(raw)
+        })
     }
     /// Pre-processed image of three planes R, G, B, 0–255 (a gray file is repeated in each).
     pub fn colour(&self) -> &Image {
         self.0.colour.get_or_init(|| {
             if self.0.made {
-                pyramid::repeat(self.gray())
-            } else {
-                self.0.pre.apply(self.decoded().to_colour())
+                return self.gray().to_colour();
             }
+            let raw = match &self.0.floats {
+                Some(image) => image.to_colour(),
+                None => self.decoded().to_colour(),
+            };
+            self.0.pre.apply(raw)
         })
     }
     /// [`gray`](Self::gray) for 1 channel, [`colour`](Self::colour) for 3.

@@ -72,10 +72,17 @@ impl Pixels {
         self
     }
 
-    pub(crate) fn gray_from_image(image: &Image) -> Self {
-        let rows = (0..image.height()).flat_map(|y| image.row(0, y));
-        let gray = rows.map(|v| v.round().clamp(0.0, 255.0) as u8).collect();
-        Pixels::from_gray(image.width(), image.height(), gray)
+    /// Float planes, rounded.
+    pub(crate) fn from_image(image: &Image) -> Self {
+        let byte = |v: f32| v.round().clamp(0.0, 255.0) as u8;
+        let (width, height) = (image.width(), image.height());
+        if image.channels() == 1 {
+            let rows = (0..height).flat_map(|y| image.row(0, y));
+            return Pixels::from_gray(width, height, rows.map(|v| byte(*v)).collect());
+        }
+        let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let rgb = places.flat_map(|(x, y)| [0, 1, 2].map(|c| byte(image.get(c, x, y))));
+        Pixels::from_rgb(width, height, rgb.collect())
     }
 
     pub(crate) fn to_gray(&self) -> Image {
@@ -123,7 +130,7 @@ mod tests {
             [colour.row(0, 0), colour.row(1, 0), colour.row(2, 0)],
             [[10.0, 40.0], [20.0, 50.0], [30.0, 60.0]]
         );
-        assert_eq!(Pixels::gray_from_image(&gray), decoded.without_colour());
+        assert_eq!(Pixels::from_image(&gray), decoded.without_colour());
         let repeated = Pixels::from_gray(1, 1, vec![9]).to_colour();
         assert_eq!(
             [

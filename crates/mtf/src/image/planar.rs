@@ -98,6 +98,31 @@ impl Image {
         let at = (c * (self.height + 1) + y) * self.stride;
         &mut self.data[at..at + self.width]
     }
+    /// One plane of BT.601 gray, not rounded; a gray image as it is.
+    pub(crate) fn to_gray(&self) -> Image {
+        if self.channels == 1 {
+            return self.clone();
+        }
+        let mut gray = Image::new(self.width, self.height, 1);
+        for y in 0..self.height {
+            let colours = self.row(0, y).iter().zip(self.row(1, y)).zip(self.row(2, y));
+            for (v, ((r, g), b)) in gray.row_mut(0, y).iter_mut().zip(colours) {
+                *v = 0.299 * r + 0.587 * g + 0.114 * b;
+            }
+        }
+        gray
+    }
+    /// Three planes; a gray one is repeated.
+    pub(crate) fn to_colour(&self) -> Image {
+        if self.channels == 3 {
+            return self.clone();
+        }
+        let mut colour = Image::new(self.width, self.height, 3);
+        for c in 0..3 {
+            colour.plane_mut(c).copy_from_slice(self.plane(0));
+        }
+        colour
+    }
     /// Value at integer pixel `(x, y)` of plane `c`.
     pub fn get(&self, c: usize, x: usize, y: usize) -> f32 {
         self.row(c, y)[x]

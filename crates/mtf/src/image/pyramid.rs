@@ -26,15 +26,6 @@ pub(super) fn halve(image: &Image) -> Image {
     out
 }
 
-/// An image of one plane repeated in three.
-pub(super) fn repeat(gray: &Image) -> Image {
-    let mut colour = Image::new(gray.width(), gray.height(), 3);
-    for c in 0..3 {
-        colour.plane_mut(c).copy_from_slice(gray.plane(0));
-    }
-    colour
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -3,7 +3,7 @@
 /// One plane of an image: pixel `(x, y)` is `data[y * stride + x]`. There is a spare column and a spare row, so that the
 /// right, lower and lower right neighbour of every pixel can be read; what they hold is of no account.
 ///
-/// The fields are private, so that what [`PlaneView::new`] has checked stays true: [`sample`](super::sample) reads without
+/// The fields are private, so that what [`PlaneView::new`] has checked stays true: `sample` reads without
 /// looking at the length again.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaneView<'a> {

@@ -211,7 +211,7 @@ fn mixed_column<V: Lanes>(rows: [&[f32]; 3], [x, y]: [&[f32]; 2], w: [V; 9], out
 
 /// The same for one point in `f64`: `[q_r x_c]` summed with the entries of each `dM/dp_k`.
 ///
-/// `gradient` is per unit of the base frame at the image of `x0` under `m` (see [`Covectors`] for the general case).
+/// `gradient` is per unit of the base frame at the image of `x0` under `m` (see `Covectors` for the general case).
 pub fn steepest_reference(
     x0: [f64; 2],
     gradient: [f64; 2],

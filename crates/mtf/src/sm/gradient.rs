@@ -258,9 +258,8 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
     }
 
     fn refuse_huge(&self, image: &Image) -> Result<(), TrackError> {
-        let limit = 4.0 * (image.width() * image.height()) as f64;
-        if self.ssm.corners().signed_area().abs() > limit {
-            return Err(TrackError::Degenerate("region is more than four times the image"));
+        if self.ssm.corners().outgrow(image.width(), image.height()) {
+            return Err(TrackError::TOO_LARGE);
         }
         Ok(())
     }

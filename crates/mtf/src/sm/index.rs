@@ -8,8 +8,8 @@
 use crate::am::{AppearanceModel, Metric};
 use crate::kernels;
 use crate::params::param_enum;
+use crate::threads::in_shares;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
-use rayon::prelude::*;
 use std::num::NonZero;
 
 param_enum! {
@@ -123,13 +123,12 @@ fn offer_all<A: AppearanceModel>(
         }
         return;
     }
-    let share = count.div_ceil(judges.len());
     let known = &*out;
-    judges.par_iter_mut().enumerate().for_each(|(k, judge)| {
+    in_shares(judges, count, |judge, share| {
         let Judge { am, near } = judge;
         near.k = known.k;
         near.found.clone_from(&known.found);
-        for i in (count.min(k * share)..count.min((k + 1) * share)).map(&id) {
+        for i in share.map(&id) {
             near.offer(am.distance(query, features.row(i), near.bound()), i);
         }
     });
@@ -143,7 +142,7 @@ fn offer_all<A: AppearanceModel>(
 }
 
 /// What `of` makes of each number below `count`, in order, each state of `states` working on a share of them.
-fn in_shares<T: Send, R: Send>(
+fn of_each<T: Send, R: Send>(
     states: &mut [T],
     count: usize,
     of: impl Fn(&mut T, usize) -> R + Sync,
@@ -151,14 +150,9 @@ fn in_shares<T: Send, R: Send>(
     if let [state] = states {
         return (0..count).map(|i| of(state, i)).collect();
     }
-    let share = count.div_ceil(states.len());
-    let shares = states.par_iter_mut().enumerate();
-    let made: Vec<Vec<R>> = shares
-        .map(|(k, state)| {
-            let mine = count.min(k * share)..count.min((k + 1) * share);
-            mine.map(|i| of(state, i)).collect()
-        })
-        .collect();
+    let made = in_shares(states, count, |state, share| {
+        share.map(|i| of(state, i)).collect::<Vec<R>>()
+    });
     made.into_iter().flatten().collect()
 }
 
@@ -252,7 +246,7 @@ impl Tree {
     fn new(features: &Features, candidates: usize, threads: usize) -> Option<(Self, Vec<[f32; AXES]>)> {
         let axes = Axes::of(features);
         let mut each = vec![axes.clone(); threads];
-        let points = in_shares(&mut each, features.count(), |axes, i| {
+        let points = of_each(&mut each, features.count(), |axes, i| {
             axes.project(features.row(i))
         });
         let tree = ImmutableKdTree::new_from_slice(&points).ok()?;
@@ -386,7 +380,7 @@ impl Index {
             IndexKind::Kd => Tree::new(features, candidates, judges.len())
                 .map_or(Index::Linear, |(tree, _)| Index::Kd(tree)),
             IndexKind::Gnn => {
-                let near = in_shares(judges, n, |judge, i| {
+                let near = of_each(judges, n, |judge, i| {
                     let row = features.row(i);
                     let mut distances: Vec<(f32, usize)> = (0..n)
                         .map(|j| (judge.am.distance(row, features.row(j), f32::INFINITY), j))
@@ -399,7 +393,7 @@ impl Index {
             }
             IndexKind::Fgnn => {
                 Tree::new(features, candidates, judges.len()).map_or(Index::Linear, |(tree, points)| {
-                    let near = in_shares(judges, n, |_, i| tree.nearest(&points[i], wanted));
+                    let near = of_each(judges, n, |_, i| tree.nearest(&points[i], wanted));
                     Index::Graph(Graph::new(near, degree, max_steps))
                 })
             }

@@ -107,9 +107,8 @@ impl<A: AppearanceModel, S: StateSpaceModel> Probe<A, S> {
 
     /// Refuses regions that have outgrown the image.
     pub fn check(&self, image: &Image) -> Result<(), TrackError> {
-        let limit = 4.0 * (image.width() * image.height()) as f64;
-        if self.ssm.corners().signed_area().abs() > limit {
-            return Err(TrackError::Degenerate("region is more than four times the image"));
+        if self.ssm.corners().outgrow(image.width(), image.height()) {
+            return Err(TrackError::TOO_LARGE);
         }
         Ok(())
     }

@@ -9,8 +9,8 @@
 
 use super::frame::BaseFrame;
 use super::{Gradient, ImageHessian, Increment, JacobianKind, Points, SsmCapabilities, StateSpaceModel};
+use crate::consensus::{Estimator, Homographies};
 use crate::entry::Part;
-use crate::estimate::{Estimator, PointModel};
 use crate::geom::fit::Moments;
 use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::geom::{Corners, Mat3, homography};
@@ -163,24 +163,6 @@ fn bending_energy(net: Resolution) -> SymMatrix {
 
 fn mean_diagonal(h: &SymMatrix) -> f64 {
     (0..h.order()).map(|k| h.get(k, k).abs()).sum::<f64>() / h.order().max(1) as f64
-}
-
-/// The plane's motion that non-rigid fits start from.
-struct Plane;
-
-impl PointModel for Plane {
-    fn min_points(&self) -> usize {
-        4
-    }
-    fn fit(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
-        homography::from_points(from, to)
-    }
-    fn minimal(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
-        homography::from_four(from, to)
-    }
-    fn refine(&self, m: &Mat3, from: &[[f64; 2]], to: &[[f64; 2]], iterations: usize) -> Option<Mat3> {
-        homography::refine(m, from, to, iterations)
-    }
 }
 
 /// Rounds of a robust fit, and the distance of an inlier in standard deviations of its error.
@@ -469,7 +451,8 @@ impl<B: Basis> StateSpaceModel for FreeForm<B> {
     ) -> Result<(), TrackError> {
         let thresh = estimator.params.est_thresh;
         estimator.params.est_thresh = 3.0 * thresh;
-        let plane = estimator.estimate(&Plane, from, to);
+        // Non-rigid fits start from the motion of the plane.
+        let plane = estimator.estimate(&Homographies, from, to);
         estimator.params.est_thresh = thresh;
         let plane = self.frame.matrix_to_frame(&plane?);
         let pairs: Vec<_> = self.pairs(from, to).collect();

@@ -83,8 +83,8 @@ pub type Spline = FreeForm<SplineBasis>;
 /// Thin plate spline, two parameters per control point.
 pub type Tps = FreeForm<TpsBasis>;
 
+use crate::consensus::Estimator;
 use crate::entry::{Build, Entry, Family, NameOf, Part};
-use crate::estimate::Estimator;
 use crate::geom::solve::SymMatrix;
 use crate::geom::{Corners, Mat3};
 use crate::kernels::Jacobian;

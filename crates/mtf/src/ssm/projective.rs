@@ -4,8 +4,8 @@
 
 use super::frame::BaseFrame;
 use super::{Gradient, ImageHessian, Increment, JacobianKind, Points, SsmCapabilities, StateSpaceModel};
+use crate::consensus::{Estimator, PointModel};
 use crate::entry::Part;
-use crate::estimate::{Estimator, PointModel};
 use crate::geom::solve::SymMatrix;
 use crate::geom::{Corners, Mat3, homography, lie};
 use crate::kernels::{self, Column, Covectors, Jacobian};

@@ -6,7 +6,7 @@
 //! from the inliers' median error, pairs beyond four and a half standard deviations are dropped, and the warp of least
 //! reprojection error of the rest is found. Draws come from a seeded stream. May depend on `geom`, `params` and `tracker`.
 
-use crate::geom::Mat3;
+use crate::geom::{Mat3, homography};
 use crate::params::param_enum;
 use crate::tracker::TrackError;
 use rand::{RngExt, SeedableRng};
@@ -85,6 +85,25 @@ pub trait PointModel {
     }
     /// Member of least reprojection error near `m`.
     fn refine(&self, m: &Mat3, from: &[[f64; 2]], to: &[[f64; 2]], iterations: usize) -> Option<Mat3>;
+}
+
+/// All homographies: the motion of a plane.
+#[derive(Clone, Copy, Debug)]
+pub struct Homographies;
+
+impl PointModel for Homographies {
+    fn min_points(&self) -> usize {
+        4
+    }
+    fn fit(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
+        homography::from_points(from, to)
+    }
+    fn minimal(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
+        homography::from_four(from, to)
+    }
+    fn refine(&self, m: &Mat3, from: &[[f64; 2]], to: &[[f64; 2]], iterations: usize) -> Option<Mat3> {
+        homography::refine(m, from, to, iterations)
+    }
 }
 
 /// Largest sample.
