@@ -8,9 +8,14 @@
 //! `cargo run --release --example custom_am -- run --sm fclk --am ssd,ncc,gmc --set gmc.fade=15`
 //! `cargo run --release --example custom_am -- diagnose --am gmc --ssm homography`
 //! `cargo run --release --example custom_am -- list am`
+//!
+//! and is tested as they are by
+//!
+//! `cargo run --release --example custom_am -- conformance`
 
 use mtf::Jacobian;
 use mtf::am::{AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use mtf::conformance;
 use mtf::entry::Part;
 use mtf::geom::solve::SymMatrix;
 use mtf::prelude::*;
@@ -108,8 +113,8 @@ impl AppearanceModel for GemanMcClure {
         self.weighted_gram(j, |e| self.weight(e) * (1.0 - 4.0 * e * e / (c2 + e * e)), h);
     }
     fn self_hessian_into(&mut self, _: Side, j: &Jacobian, h: &mut SymMatrix) {
-        // At equality every weight is 1; the weights of the moment keep the step of the right size under occlusion.
-        self.weighted_gram(j, |e| self.weight(e), h);
+        // Equal patches have no residual, and every weight is 1.
+        self.weighted_gram(j, |_| 1.0, h);
     }
     fn likelihood(&self) -> f64 {
         (self.f / self.template.len() as f64).exp()
@@ -133,8 +138,19 @@ impl AppearanceModel for GemanMcClure {
     }
 }
 
-fn main() -> ExitCode {
+/// The models of the crate and this one.
+pub fn registry() -> Registry {
     let mut registry = Registry::builtin();
     registry.add_am::<GemanMcClure>();
-    mtf_eval::cli::main(registry)
+    registry
+}
+
+fn main() -> ExitCode {
+    if std::env::args().nth(1).as_deref() != Some("conformance") {
+        return mtf_eval::cli::main(registry());
+    }
+    // Derivatives, laws and recovery of known motion, as the models of the crate are tested.
+    let report = conformance::check_only(&registry(), &["gmc"]);
+    println!("{report}");
+    ExitCode::from(u8::from(!report.passed()))
 }

@@ -9,6 +9,10 @@ mod best;
 mod cli;
 mod compare;
 mod composites;
+#[allow(dead_code)]
+#[path = "../examples/custom_am.rs"]
+mod custom_am;
+mod examples;
 mod extending_format;
 #[path = "../crates/mtf/tests/harness/mod.rs"]
 mod harness;
@@ -37,6 +41,7 @@ fn main() -> std::process::ExitCode {
         compare::TESTS,
         composites::TESTS,
         extending_format::TESTS,
+        examples::TESTS,
         illumination::TESTS,
         nonrigid::TESTS,
         protocols::TESTS,
