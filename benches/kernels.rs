@@ -34,7 +34,7 @@ fn main() {
     let mut wide = vec![0.0f64; n];
 
     let warp = fastest(|| ssm.warp_into(&mut x, &mut y));
-    let slow = fastest(|| (0..n).map(|i| ssm.point(i)[0]).sum::<f64>());
+    let slow = fastest(|| (0..n).map(|i| ssm.reference().unwrap().point(i)[0]).sum::<f64>());
     row("warp", warp, "f64 matrix product per point", slow);
 
     let sample = fastest(|| kernels::sample(plane, Border::Constant, &x, &y, &mut v));
@@ -62,7 +62,10 @@ fn main() {
         .collect();
     let slow = fastest(|| {
         for i in 0..n {
-            let x0 = [f64::from(ssm.grid().x[i]), f64::from(ssm.grid().y[i])];
+            let x0 = [
+                f64::from(ssm.base().grid().x[i]),
+                f64::from(ssm.base().grid().y[i]),
+            ];
             for (k, dm) in dm.iter().enumerate() {
                 let g = [f64::from(gx[i]), f64::from(gy[i])];
                 j.col_mut(k)[i] = steepest_reference(x0, g, ssm.matrix(), dm) as f32;

@@ -14,7 +14,7 @@
 //! `cargo run --release --example custom_am -- conformance`
 
 use mtf::Jacobian;
-use mtf::am::{AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use mtf::am::{AppearanceModel, Derivatives, Distances, Metric, PatchShape, Properties, Reference, Side};
 use mtf::conformance;
 use mtf::entry::Part;
 use mtf::geom::solve::SymMatrix;
@@ -75,14 +75,8 @@ impl Part for GemanMcClure {
 }
 
 impl AppearanceModel for GemanMcClure {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            derivatives: true,
-            symmetric: true,
-            metric: Metric::SquaredL2,
-            gain_bias_invariant: false,
-            masks: false,
-        }
+    fn properties(&self) -> Properties {
+        Properties::default()
     }
     fn set_template(&mut self, _: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         self.template = patch.to_vec();
@@ -102,6 +96,24 @@ impl AppearanceModel for GemanMcClure {
     fn similarity(&self) -> f64 {
         self.f
     }
+    fn likelihood(&self) -> f64 {
+        (self.f / self.template.len() as f64).exp()
+    }
+    fn memory(&self) -> usize {
+        8 * self.template.len()
+    }
+    fn derivatives(&mut self) -> Option<&mut dyn Derivatives> {
+        Some(self)
+    }
+    fn distances(&self) -> Option<&dyn Distances> {
+        Some(self)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+}
+
+impl Derivatives for GemanMcClure {
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         let sign = if side == Side::Current { -1.0 } else { 1.0 };
         for (o, &e) in out.iter_mut().zip(&self.residual) {
@@ -116,8 +128,11 @@ impl AppearanceModel for GemanMcClure {
         // Equal patches have no residual, and every weight is 1.
         self.weighted_gram(j, |_| 1.0, h);
     }
-    fn likelihood(&self) -> f64 {
-        (self.f / self.template.len() as f64).exp()
+}
+
+impl Distances for GemanMcClure {
+    fn metric(&self) -> Metric {
+        Metric::SquaredL2
     }
     fn feature_len(&self) -> usize {
         self.template.len()
@@ -125,16 +140,16 @@ impl AppearanceModel for GemanMcClure {
     fn feature_into(&self, patch: &[f32], out: &mut [f32]) {
         out.copy_from_slice(patch);
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+}
+
+impl Reference for GemanMcClure {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
         let loss = |e: f64| e * e / (1.0 + (e / self.params.fade).powi(2));
         -0.5 * template
             .iter()
             .zip(current)
             .map(|(t, i)| loss(i - t))
             .sum::<f64>()
-    }
-    fn memory(&self) -> usize {
-        8 * self.template.len()
     }
 }
 

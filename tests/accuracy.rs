@@ -155,7 +155,10 @@ fn floor(id: &str) -> Option<f64> {
 fn climbs(id: &str) -> bool {
     let registry = Registry::builtin();
     let entry = registry.ams().iter().find(|e| e.name == model(id)).unwrap();
-    (entry.build)(&[]).unwrap().similarity_is_merit()
+    (entry.build)(&[])
+        .unwrap()
+        .derivatives()
+        .is_none_or(|d| d.similarity_is_merit())
 }
 
 /// Compares every tracker of `selection` that the reference has: per sequence less 0.01 or two frames, whichever is

@@ -88,8 +88,8 @@ fn subspaces_features_and_sums_track_what_is_plain() {
 
 fn a_sum_tracks_with_every_member_that_tracks_alone() {
     let members = AMS.iter().filter(|e| {
-        let am = (e.build)(&[]).unwrap();
-        e.name != "sum" && am.capabilities().derivatives && am.tracks_alone()
+        let mut am = (e.build)(&[]).unwrap();
+        e.name != "sum" && am.derivatives().is_some() && am.properties().tracks_alone
     });
     let ids: Vec<String> = members
         .map(|e| format!("fclk/sum/homography{{am1={},am2=zncc}}", e.name))

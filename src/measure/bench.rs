@@ -291,10 +291,8 @@ fn track(
     };
     for (i, frame) in (start + 1..).zip(&frames[1..]) {
         let truth = sequence.truth(i);
-        if tracker.needs_truth()
-            && let Some(truth) = &truth
-        {
-            tracker.tell_truth(truth);
+        if let (Some(truth), Some(analysis)) = (&truth, tracker.needs_truth()) {
+            analysis.tell_truth(truth);
         }
         touch(frame, tracker.channels());
         let begin = Instant::now();

@@ -169,8 +169,8 @@ impl<'a> Pass<'a> {
         let truth = sequence.truth(i);
         let mut tracker = self.tracker.take()?;
         let updated = panics::catch(|| {
-            if let Some(truth) = truth.filter(|_| tracker.needs_truth()) {
-                tracker.tell_truth(&truth);
+            if let (Some(truth), Some(analysis)) = (truth, tracker.needs_truth()) {
+                analysis.tell_truth(&truth);
             }
             let begin = Instant::now();
             let (mut row, answered) = update(tracker.as_mut(), &ready.frame);
@@ -257,7 +257,7 @@ fn initialise(
     let truth = sequence
         .truth(ready.index)
         .ok_or_else(|| format!("no ground truth in frame {} to start from", ready.index))?;
-    if tracker.needs_truth()
+    if tracker.needs_truth().is_some()
         && let Some(i) = (ready.index..sequence.len()).find(|&i| sequence.truth(i).is_none())
     {
         return Err(format!(

@@ -5,7 +5,7 @@
 //! [`StateSpaceModel::point`]); nothing of the fast kernels enters them. Used by the `diagnose` command and by the
 //! conformance tests.
 
-use crate::am::{AmEntry, AppearanceModel, Curvature, Normal, PatchShape, Side};
+use crate::am::{self, AmEntry, AppearanceModel, Curvature, Derivatives, Normal, PatchShape, Side};
 use crate::geom::solve::SymMatrix;
 use crate::geom::{Corners, homography};
 use crate::ilm::{IlluminationModel, IlmEntry};
@@ -103,6 +103,38 @@ pub struct PatchPair {
     pub current: Vec<f32>,
 }
 
+/// What a check says of a model without a slow definition.
+const NO_REFERENCE: TrackError = TrackError::Unable("the model has no slow definition to compare with");
+
+/// Assignments under which a model's derivatives can be checked.
+pub(crate) fn plain(entry: &AmEntry) -> Result<&'static [Assignment<'static>], DiagnoseError> {
+    Ok((entry.build)(&[])?.reference().map_or(&[], |r| r.plain()))
+}
+
+/// The slow similarity of two patches; not a number for models without one, which no check passes.
+pub(crate) fn similarity_of(am: &dyn AppearanceModel, template: &[f64], current: &[f64]) -> f64 {
+    am.reference()
+        .map_or(f64::NAN, |r| r.similarity_of(template, current))
+}
+
+/// Slow place of a grid point, px; not a number for warps without one.
+pub(crate) fn point(ssm: &dyn StateSpaceModel, i: usize) -> [f64; 2] {
+    ssm.reference().map_or([f64::NAN; 2], |r| r.point(i))
+}
+
+/// Slow light of a patch; not a number for models without one.
+pub(crate) fn light_of(light: &dyn IlluminationModel, a: &[f64], raw: &[f64]) -> Vec<f64> {
+    light
+        .reference()
+        .map_or_else(|| vec![f64::NAN; raw.len()], |r| r.light_of(a, raw))
+}
+
+/// Derivatives of a model that has been asked whether it has any.
+fn derivatives(am: &mut Box<dyn AppearanceModel>) -> Result<&mut dyn Derivatives, DiagnoseError> {
+    let none = TrackError::Unable("the appearance model has no derivatives");
+    am.derivatives().ok_or(none).map_err(failed("derivatives"))
+}
+
 /// Derivatives of an appearance model with respect to pixel values, and its Hessians along `dof` random directions:
 /// the acceptance tests that hold for every differentiable model, built with its plain assignments.
 pub fn appearance(
@@ -111,7 +143,7 @@ pub fn appearance(
     dof: usize,
     seed: u64,
 ) -> Result<Vec<Check>, DiagnoseError> {
-    appearance_with(entry, entry.family.plain, pair, dof, seed)
+    appearance_with(entry, plain(entry)?, pair, dof, seed)
 }
 
 /// The same of a model with parameters that differ from the defaults.
@@ -136,9 +168,12 @@ pub fn appearance_with(
         });
     };
     let (template, current) = (wide(&pair.template), wide(&pair.current));
-    let f = am.reference(&template, &current);
+    if am.reference().is_none() {
+        return Err(failed(entry.name)(NO_REFERENCE));
+    }
+    let f = similarity_of(&*am, &template, &current);
     check("f".into(), relative(std::iter::once((am.similarity(), f))), 1e-5);
-    if !am.capabilities().derivatives {
+    if am.derivatives().is_none() {
         return Ok(out);
     }
     let n = pair.shape.len();
@@ -157,8 +192,8 @@ pub fn appearance_with(
         let own_wide = wide(own);
         // The similarity as a function of this side's patch, then of that patch moved along the directions.
         let of_patch = |am: &dyn AppearanceModel, x: &[f64]| match side {
-            Side::Template => am.reference(x, &current),
-            Side::Current => am.reference(&template, x),
+            Side::Template => similarity_of(am, x, &current),
+            Side::Current => similarity_of(am, &template, x),
         };
         let moved = |p: &[(usize, f64)]| {
             let mut x = own_wide.clone();
@@ -170,7 +205,7 @@ pub fn appearance_with(
             x
         };
         let mut g = vec![0.0; n];
-        am.gradient_into(side, &mut g);
+        derivatives(&mut am)?.gradient_into(side, &mut g);
         let mut x = own_wide.clone();
         let numeric: Vec<f64> = (0..n)
             .map(|i| {
@@ -207,15 +242,16 @@ pub fn appearance_with(
         let mut equal = (entry.build)(params)?;
         equal.set_template(pair.shape, own).map_err(failed(entry.name))?;
         equal.set_current(own);
-        let own_hessian = hessian(&|x| equal.reference(&own_wide, x));
+        let own_hessian = hessian(&|x| similarity_of(&*equal, &own_wide, x));
         for (curvature, numeric, what) in [
             (Curvature::Standard, &standard, "Hessian"),
             (Curvature::SelfHessian, &own_hessian, "self Hessian"),
         ] {
             let mut analytic = SymMatrix::new(dof);
+            let model = derivatives(&mut am)?;
             match curvature {
-                Curvature::Standard => am.hessian_into(side, &j, &mut analytic),
-                Curvature::SelfHessian => am.self_hessian_into(side, &j, &mut analytic),
+                Curvature::Standard => model.hessian_into(side, &j, &mut analytic),
+                Curvature::SelfHessian => model.self_hessian_into(side, &j, &mut analytic),
             }
             check(
                 format!("{what} ({name})"),
@@ -224,7 +260,7 @@ pub fn appearance_with(
             );
             let mut both = Normal::new(dof);
             let mut scratch = vec![0.0; n];
-            am.linearise(side, curvature, &j, &mut scratch, &mut both);
+            derivatives(&mut am)?.linearise(side, curvature, &j, &mut scratch, &mut both);
             let numeric: Vec<f64> = (0..dof)
                 .map(|k| {
                     let at = |d: f64| of_patch(&*am, &moved(&[(k, d)]));
@@ -300,20 +336,23 @@ pub fn warp(
     let mut moving = (entry.build)(&[])?;
     ssm.init(corners, res).map_err(&error)?;
     moving.init(corners, res).map_err(&error)?;
+    if ssm.reference().is_none() {
+        return Err(error(NO_REFERENCE));
+    }
     let (s, n) = (ssm.dof(), res.len());
     let derivatives = |ssm: &dyn StateSpaceModel, scale: f64| -> [Vec<f32>; 5] {
         let scales = [scale, scale, scale * scale, scale * scale, scale * scale];
-        let points: Vec<[f64; 6]> = (0..n).map(|i| waves.derivatives(ssm.point(i))).collect();
+        let points: Vec<[f64; 6]> = (0..n).map(|i| waves.derivatives(point(ssm, i))).collect();
         std::array::from_fn(|k| points.iter().map(|d| (d[k + 1] * scales[k]) as f32).collect())
     };
-    let template = derivatives(&*ssm, ssm.radius());
+    let template = derivatives(&*ssm, ssm.base().radius);
     let p: Vec<f64> = (0..s).map(|_| state * r.random_range(-1.0..1.0)).collect();
     let base = ssm.corners();
     ssm.set_state(&p).map_err(&error)?;
     let current = derivatives(&*ssm, 1.0);
     let (mut x, mut y) = (vec![0.0; n], vec![0.0; n]);
     ssm.warp_into(&mut x, &mut y);
-    let exact: Vec<[f64; 2]> = (0..n).map(|i| ssm.point(i)).collect();
+    let exact: Vec<[f64; 2]> = (0..n).map(|i| point(&*ssm, i)).collect();
     let fast = (0..n).flat_map(|i| [(f64::from(x[i]), exact[i][0]), (f64::from(y[i]), exact[i][1])]);
     let mut out = vec![Check {
         subject: entry.name.to_owned(),
@@ -346,7 +385,10 @@ pub fn warp(
             xy: &d[3],
             yy: &d[4],
         };
-        ssm.curvature_into(kind, &weights, gradient, hessian, &mut h);
+        let second_order = ssm.second_order();
+        if let Some(terms) = second_order {
+            terms.curvature_into(kind, &weights, gradient, hessian, &mut h);
+        }
         // The image along an increment: what each kind is the derivative of. The approximate kind sees the template
         // carried along by the present warp.
         let (start, how) = match kind {
@@ -364,7 +406,7 @@ pub fn warp(
             moving.set_state(start)?;
             moving.update(how, &step)?;
             let value = |i: usize| {
-                let u = moving.point(i);
+                let u = point(&*moving, i);
                 waves.at(carried.map_or(u, |m| homography::apply(&m, u)))
             };
             Ok((0..n).map(value).collect())
@@ -389,7 +431,7 @@ pub fn warp(
             tolerance: 1e-5,
         });
         // Fourth-order differences, so that rounding and truncation both stay below the single-precision kernels.
-        let e = 0.1 / ssm.radius();
+        let e = 0.1 / ssm.base().radius;
         let weighted = |v: Vec<f64>| {
             v.iter()
                 .zip(&weights)
@@ -467,7 +509,7 @@ impl<'a> Chain<'a> {
             &mut gy,
         );
         am.set_template(shape, &template).map_err(&error)?;
-        let r = ssm.radius() as f32;
+        let r = ssm.base().radius as f32;
         gx.iter_mut().chain(gy.iter_mut()).for_each(|g| *g *= r);
         Ok(Chain {
             am,
@@ -499,7 +541,7 @@ impl<'a> Chain<'a> {
             &mut gx,
             &mut gy,
         );
-        self.am.begin_frame();
+        am::begin_frame(&mut self.am);
         match &self.light {
             Some(light) => {
                 let mut lit = v.clone();
@@ -517,16 +559,16 @@ impl<'a> Chain<'a> {
         let (delta, change) = delta.split_at(p.len());
         self.ssm.update(how, delta)?;
         let value = |i: usize| {
-            let [x, y] = self.ssm.point(i);
+            let [x, y] = point(&*self.ssm, i);
             sample_reference::bilinear(&self.image.view(0), x, y)
         };
         let mut current: Vec<f64> = (0..self.shape.len()).map(value).collect();
         self.ssm.set_state(&p)?;
         if let Some(light) = &self.light {
             let a: Vec<f64> = light.state().iter().zip(change).map(|(a, d)| a + d).collect();
-            current = light.reference(&a, &current);
+            current = light_of(&**light, &a, &current);
         }
-        Ok(self.am.reference(&wide(&self.template), &current))
+        Ok(similarity_of(&*self.am, &wide(&self.template), &current))
     }
 
     /// Jacobian of a kind; those of the current side with illumination.
@@ -569,8 +611,8 @@ pub fn chain(
     };
     let subject = format!("{}{light}/{}", am.name, ssm.name);
     let error = failed(&subject);
-    let mut chain = Chain::new(am, am.family.plain, ssm, ilm, images, corners, res)?;
-    if !chain.am.capabilities().derivatives {
+    let mut chain = Chain::new(am, plain(am)?, ssm, ilm, images, corners, res)?;
+    if chain.am.derivatives().is_none() {
         return Ok(Vec::new());
     }
     let mut r = Pcg64::seed_from_u64(seed);
@@ -595,7 +637,7 @@ pub fn chain(
         }
         let j = chain.jacobian(kind, &sampled);
         let mut gradient = vec![0.0; chain.shape.len()];
-        chain.am.gradient_into(Side::Current, &mut gradient);
+        derivatives(&mut chain.am)?.gradient_into(Side::Current, &mut gradient);
         let s = chain.dof();
         let mut analytic = vec![0.0; s];
         kernels::project(&j, &gradient, &mut analytic);
@@ -690,7 +732,7 @@ pub fn sweep(
     let error = failed(&subject);
     let mut chain = Chain::new(am, &[], ssm, &IlmEntry::NONE, images, corners, res)?;
     let s = chain.ssm.dof();
-    let derivatives = chain.am.capabilities().derivatives;
+    let differentiable = chain.am.derivatives().is_some();
     let (how, kind) = if chain.ssm.capabilities().compositional {
         (Increment::Compositional, JacobianKind::Warped)
     } else {
@@ -723,7 +765,7 @@ pub fn sweep(
                 hessian_numeric: f64::NAN,
             };
             // Differences over about a tenth of a pixel: the shape matters here, not the last digit.
-            let h = 0.1 / chain.ssm.radius();
+            let h = 0.1 / chain.ssm.base().radius;
             let mut at = |d: f64| {
                 let mut delta = vec![0.0; s];
                 delta[parameter] = d;
@@ -736,20 +778,19 @@ pub fn sweep(
             );
             row.gradient_numeric = (up - down) / (2.0 * h);
             row.hessian_numeric = (up + down - 2.0 * centre) / (h * h);
-            if derivatives {
+            if differentiable {
                 let j = chain.jacobian(kind, &sampled);
                 let j0 = chain.jacobian(JacobianKind::Template, &sampled);
                 let mut scratch = vec![0.0; chain.shape.len()];
                 let (mut g, mut g0) = (Normal::new(s), vec![0.0; s]);
-                chain
-                    .am
-                    .linearise(Side::Current, Curvature::Standard, &j, &mut scratch, &mut g);
+                let model = derivatives(&mut chain.am)?;
+                model.linearise(Side::Current, Curvature::Standard, &j, &mut scratch, &mut g);
                 row.hessian = g.hessian.get(parameter, parameter);
-                chain.am.self_hessian_into(Side::Current, &j, &mut g.hessian);
+                model.self_hessian_into(Side::Current, &j, &mut g.hessian);
                 row.hessian_self = g.hessian.get(parameter, parameter);
-                chain.am.self_hessian_into(Side::Template, &j0, &mut g.hessian);
+                model.self_hessian_into(Side::Template, &j0, &mut g.hessian);
                 row.hessian_initial = g.hessian.get(parameter, parameter);
-                chain.am.gradient_into(Side::Template, &mut scratch);
+                model.gradient_into(Side::Template, &mut scratch);
                 kernels::project(&j0, &scratch, &mut g0);
                 row.gradient = g.gradient[parameter];
                 row.gradient_esm = 0.5 * (g.gradient[parameter] - g0[parameter]);

@@ -2,6 +2,7 @@
 
 use crate::geom::Corners;
 use crate::image::Frame;
+use auto_impl::auto_impl;
 
 /// Why a frame's search ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +52,9 @@ pub enum TrackError {
     /// The illumination model cannot follow, or not be used with so small a patch.
     #[error("illumination: {0}")]
     Illumination(&'static str),
+    /// A model cannot do what the search needs of it.
+    #[error("unable: {0}")]
+    Unable(&'static str),
     /// An analysis method was not told where the object is in this frame.
     #[error("no ground truth for this frame")]
     NoTruth,
@@ -74,6 +78,7 @@ impl TrackError {
             TrackError::Outside => "outside",
             TrackError::Singular => "singular",
             TrackError::Illumination(_) => "illumination",
+            TrackError::Unable(_) => "unable",
             TrackError::NoTruth => "no_truth",
             TrackError::NotFinite(_) => "not_finite",
         }
@@ -81,6 +86,7 @@ impl TrackError {
 }
 
 /// A tracker of one planar object. Object safe; composites implement it over other trackers.
+#[auto_impl(Box)]
 pub trait Tracker: Send {
     /// Starts on `frame` with the object at `corners` (UL UR LR LL, px).
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError>;
@@ -92,15 +98,15 @@ pub trait Tracker: Send {
     /// Moves the tracker to `corners` without changing its template.
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError>;
 
+    /// Current corners in image pixels.
+    fn corners(&self) -> Corners;
+
     /// Is told that the object is at `corners` in the next frame instead of finding it there. Trackers that remember the
     /// last frame, and composites of such, take this one for it; for others it is the same as
     /// [`set_region`](Self::set_region).
     fn skip(&mut self, _frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         self.set_region(corners)
     }
-
-    /// Current corners in image pixels.
-    fn corners(&self) -> Corners;
 
     /// Where a place `x` of the object in the frame it was initialised on (px) is now. `None`: as the plane through the
     /// corners tells.
@@ -115,13 +121,10 @@ pub trait Tracker: Send {
     /// with nothing to share out ignore it.
     fn set_threads(&mut self, _threads: usize) {}
 
-    /// Whether each `update` must be preceded by [`tell_truth`](Self::tell_truth): true of methods for analysis alone.
-    fn needs_truth(&self) -> bool {
-        false
+    /// For methods of analysis alone: what must be told the ground truth before each `update`.
+    fn needs_truth(&mut self) -> Option<&mut dyn NeedsTruth> {
+        None
     }
-
-    /// The true corners in the frame about to be given to `update`. All but methods for analysis ignore them.
-    fn tell_truth(&mut self, _corners: &Corners) {}
 
     /// Channels of the image that `update` reads: 1 (gray) or 3 (R, G, B).
     fn channels(&self) -> usize {
@@ -134,41 +137,8 @@ pub trait Tracker: Send {
     }
 }
 
-impl<T: Tracker + ?Sized> Tracker for Box<T> {
-    fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
-        (**self).init(frame, corners)
-    }
-    fn update(&mut self, frame: &Frame) -> Result<Update, TrackError> {
-        (**self).update(frame)
-    }
-    fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
-        (**self).set_region(corners)
-    }
-    fn skip(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
-        (**self).skip(frame, corners)
-    }
-    fn corners(&self) -> Corners {
-        (**self).corners()
-    }
-    fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
-        (**self).place(x)
-    }
-    fn reseed(&mut self, seed: u64) {
-        (**self).reseed(seed)
-    }
-    fn set_threads(&mut self, threads: usize) {
-        (**self).set_threads(threads)
-    }
-    fn needs_truth(&self) -> bool {
-        (**self).needs_truth()
-    }
-    fn tell_truth(&mut self, corners: &Corners) {
-        (**self).tell_truth(corners)
-    }
-    fn channels(&self) -> usize {
-        (**self).channels()
-    }
-    fn memory(&self) -> usize {
-        (**self).memory()
-    }
+/// A tracker that is told where the object is, for analysis.
+pub trait NeedsTruth {
+    /// The true corners (px) in the frame about to be given to [`Tracker::update`].
+    fn tell_truth(&mut self, corners: &Corners);
 }

@@ -74,8 +74,8 @@ fn allocations(tracker: &mut dyn Tracker, frames: &[Frame], put_back: bool) -> R
     tracker.init(&frames[0], &FIRST)?;
     let mut counted = 0;
     for (i, frame) in frames.iter().enumerate().skip(1) {
-        if tracker.needs_truth() {
-            tracker.tell_truth(&FIRST);
+        if let Some(analysis) = tracker.needs_truth() {
+            analysis.tell_truth(&FIRST);
         }
         let before = COUNT.get();
         // Losing the object is no reason to allocate, nor is being put back.

@@ -3,7 +3,7 @@
 
 use crate::common::{alignment_error, moved};
 use mtf::Jacobian;
-use mtf::am::{AMS, AppearanceModel, Curvature, Normal, PatchShape, Side};
+use mtf::am::{AMS, AppearanceModel, Curvature, Normal, PatchShape, Side, begin_frame};
 use mtf::diagnose::Waves;
 use mtf::geom::{Corners, Mat3};
 use mtf::image::{Frame, Image};
@@ -54,19 +54,22 @@ fn assert_sound(am: &mut dyn AppearanceModel, shape: PatchShape, patches: &[&[f3
     let features: Vec<Vec<f32>> = patches
         .iter()
         .map(|p| {
-            let mut f = vec![f32::NAN; am.feature_len()];
-            am.feature_into(p, &mut f);
+            let mut f = vec![f32::NAN; am.distances().unwrap().feature_len()];
+            am.distances().unwrap().feature_into(p, &mut f);
             assert!(f.iter().all(|v| v.is_finite()), "{what}: feature");
             f
         })
         .collect();
     for f in &features {
         assert!(
-            am.distance(f, &features[0], f32::INFINITY).is_finite(),
+            am.distances()
+                .unwrap()
+                .distance(f, &features[0], f32::INFINITY)
+                .is_finite(),
             "{what}: distance"
         );
     }
-    if !am.capabilities().derivatives {
+    if am.derivatives().is_none() {
         return;
     }
     let mut j = Jacobian::new(n, 3);
@@ -76,11 +79,13 @@ fn assert_sound(am: &mut dyn AppearanceModel, shape: PatchShape, patches: &[&[f3
     }
     for side in [Side::Template, Side::Current] {
         let mut g = vec![f32::NAN; n];
-        am.gradient_into(side, &mut g);
+        am.derivatives().unwrap().gradient_into(side, &mut g);
         assert!(g.iter().all(|v| v.is_finite()), "{what}: gradient, {side:?}");
         for curvature in [Curvature::SelfHessian, Curvature::Standard] {
             let mut out = Normal::new(3);
-            am.linearise(side, curvature, &j, &mut g, &mut out);
+            am.derivatives()
+                .unwrap()
+                .linearise(side, curvature, &j, &mut g, &mut out);
             let entries = (0..9).map(|i| out.hessian.get(i / 3, i % 3));
             let mut all = entries.chain(out.gradient.iter().copied());
             assert!(
@@ -107,7 +112,7 @@ fn patches_without_content_are_refused_or_give_sound_numbers() {
                         Err(e) => panic!("{}: {e}", entry.name),
                     }
                     for (current, c) in &patches {
-                        am.begin_frame();
+                        begin_frame(&mut am);
                         am.set_current(c);
                         let what = format!("{}, {res}x{channels}, {template}, {current}", entry.name);
                         assert_sound(&mut *am, shape, &[t, c], &what);
@@ -136,17 +141,22 @@ fn a_pixel_that_is_no_number_is_forgotten_with_its_patch() {
             fresh.set_template(shape, &textured).unwrap();
             am.set_current(&spoilt);
             let _ = (am.similarity(), am.likelihood());
-            let _ = am.learn(&spoilt);
-            let mut feature = vec![0.0; am.feature_len()];
-            am.feature_into(&spoilt, &mut feature);
-            let _ = am.distance(&feature, &feature, f32::INFINITY);
-            if am.capabilities().derivatives {
-                let mut g = vec![0.0; shape.len()];
-                am.gradient_into(Side::Current, &mut g);
+            if let Some(model) = am.learner() {
+                model.learn(&spoilt);
             }
-            am.begin_frame();
+            let mut feature = vec![0.0; am.distances().unwrap().feature_len()];
+            am.distances().unwrap().feature_into(&spoilt, &mut feature);
+            let _ = am
+                .distances()
+                .unwrap()
+                .distance(&feature, &feature, f32::INFINITY);
+            if am.derivatives().is_some() {
+                let mut g = vec![0.0; shape.len()];
+                am.derivatives().unwrap().gradient_into(Side::Current, &mut g);
+            }
+            begin_frame(&mut am);
             am.set_current(&other);
-            fresh.begin_frame();
+            begin_frame(&mut fresh);
             fresh.set_current(&other);
             assert_sound(&mut *am, shape, &[&textured, &other], entry.name);
             assert_eq!(am.similarity(), fresh.similarity(), "{} after {bad}", entry.name);

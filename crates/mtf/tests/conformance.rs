@@ -1,7 +1,7 @@
 //! The battery of `mtf::conformance`: everything in the crate passes it, and models that are wrong do not.
 
 use mtf::Jacobian;
-use mtf::am::{AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use mtf::am::{AppearanceModel, Derivatives, Distances, Metric, PatchShape, Properties, Reference, Side};
 use mtf::conformance::{self, Report};
 use mtf::entry::Part;
 use mtf::geom::solve::SymMatrix;
@@ -114,14 +114,8 @@ impl Part for Steep {
 }
 
 impl AppearanceModel for Steep {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            derivatives: true,
-            symmetric: true,
-            metric: Metric::SquaredL2,
-            gain_bias_invariant: false,
-            masks: false,
-        }
+    fn properties(&self) -> Properties {
+        Properties::default()
     }
     fn set_template(&mut self, _: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         self.template = patch.to_vec();
@@ -135,6 +129,24 @@ impl AppearanceModel for Steep {
     fn similarity(&self) -> f64 {
         -0.5 * self.residual.iter().map(|&e| f64::from(e).powi(2)).sum::<f64>()
     }
+    fn likelihood(&self) -> f64 {
+        (self.similarity() / self.template.len() as f64).exp()
+    }
+    fn memory(&self) -> usize {
+        8 * self.template.len()
+    }
+    fn derivatives(&mut self) -> Option<&mut dyn Derivatives> {
+        Some(self)
+    }
+    fn distances(&self) -> Option<&dyn Distances> {
+        Some(self)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Steep {
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         let sign = if side == Side::Current { -1.1 } else { 1.1 };
         out.iter_mut()
@@ -150,8 +162,11 @@ impl AppearanceModel for Steep {
     fn self_hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
         self.hessian_into(side, j, h);
     }
-    fn likelihood(&self) -> f64 {
-        (self.similarity() / self.template.len() as f64).exp()
+}
+
+impl Distances for Steep {
+    fn metric(&self) -> Metric {
+        Metric::SquaredL2
     }
     fn feature_len(&self) -> usize {
         self.template.len()
@@ -163,12 +178,12 @@ impl AppearanceModel for Steep {
         let pairs = query.iter().zip(stored);
         pairs.map(|(a, b)| (a - b) * (a - b)).sum()
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+}
+
+impl Reference for Steep {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
         let pairs = template.iter().zip(current);
         -0.5 * pairs.map(|(t, i)| (i - t) * (i - t)).sum::<f64>()
-    }
-    fn memory(&self) -> usize {
-        8 * self.template.len()
     }
 }
 

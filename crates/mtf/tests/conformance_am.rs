@@ -96,17 +96,17 @@ fn weighted_models_have_the_gradients_of_their_loss() {
                 let masked = robust == "none";
                 if masked {
                     let mask: Vec<f32> = (0..n).map(|i| f32::from(u8::from(i % 7 > 1))).collect();
-                    am.set_mask(&mask);
+                    am.masking().unwrap().set_mask(&mask);
                 }
                 am.set_current(&pair.current);
-                assert!(am.weighted());
+                assert!(am.derivatives().unwrap().weighted());
                 let wide = |x: &[f32]| x.iter().map(|&v| f64::from(v)).collect::<Vec<f64>>();
                 let (template, current) = (wide(&pair.template), wide(&pair.current));
-                let f = am.reference(&template, &current);
+                let f = am.reference().unwrap().similarity_of(&template, &current);
                 assert!((am.similarity() - f).abs() < 1e-5 * f.abs(), "{name}, {robust}");
                 for side in [Side::Template, Side::Current] {
                     let mut g = vec![0.0; n];
-                    am.gradient_into(side, &mut g);
+                    am.derivatives().unwrap().gradient_into(side, &mut g);
                     let (mut diff, mut size) = (0.0, 0.0);
                     for i in 0..n {
                         let at = |d: f64| {
@@ -115,7 +115,7 @@ fn weighted_models_have_the_gradients_of_their_loss() {
                                 Side::Template => t[i] += d,
                                 Side::Current => c[i] += d,
                             }
-                            am.reference(&t, &c)
+                            am.reference().unwrap().similarity_of(&t, &c)
                         };
                         let numeric = (at(1e-3) - at(-1e-3)) / 2e-3;
                         diff += (f64::from(g[i]) - numeric).powi(2);
@@ -130,7 +130,7 @@ fn weighted_models_have_the_gradients_of_their_loss() {
                 // Weights of what is hidden are small: the occluder, every seventh value, pulls least per gray level.
                 if robust == "tukey" {
                     let mut g = vec![0.0; n];
-                    am.gradient_into(Side::Current, &mut g);
+                    am.derivatives().unwrap().gradient_into(Side::Current, &mut g);
                     let hidden = g.iter().step_by(7).filter(|v| **v == 0.0).count();
                     assert!(hidden > n / 14, "{name}: {hidden} of {}", n / 7);
                 }

@@ -143,7 +143,7 @@ fn every_combination_with_illumination_recovers_small_motion() {
     let mut tracked = 0;
     for sm in METHODS {
         for am in registry.ams() {
-            let alone = (am.build)(&[]).unwrap().tracks_alone();
+            let alone = (am.build)(&[]).unwrap().properties().tracks_alone;
             for ilm in ILMS.iter().filter(|e| !e.is_none() && alone) {
                 let spec = format!(
                     "{sm}/{}+{}/homography{{epsilon=1e-9,max_iters=60}}",
@@ -353,8 +353,8 @@ fn colour_models_track_in_colour() {
     let registry = Registry::builtin();
     let mut tracked = 0;
     for am in registry.ams() {
-        let model = (am.build)(&[]).unwrap();
-        if !model.capabilities().derivatives || !model.tracks_alone() {
+        let mut model = (am.build)(&[]).unwrap();
+        if model.derivatives().is_none() || !model.properties().tracks_alone {
             continue;
         }
         let id = format!("esm/mc{}/homography{{max_iters=60,epsilon=1e-9}}", am.name);

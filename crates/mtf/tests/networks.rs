@@ -129,9 +129,9 @@ fn features_are_those_of_the_network() {
         ..DfmParams::default()
     });
     am.set_template(shape, &p).unwrap();
-    assert_eq!(am.feature_len(), 8 * 11 * 7);
-    let mut out = vec![0.0; am.feature_len()];
-    am.feature_into(&p, &mut out);
+    assert_eq!(am.distances().unwrap().feature_len(), 8 * 11 * 7);
+    let mut out = vec![0.0; am.distances().unwrap().feature_len()];
+    am.distances().unwrap().feature_into(&p, &mut out);
     let pixel = |x: usize, y: usize| f64::from(p[y * 17 + x]);
     for k in 0..8 {
         let angle = std::f64::consts::TAU * k as f64 / 8.0;
@@ -178,8 +178,10 @@ fn gradients_along_parameters_agree_with_those_of_pixels_and_with_differences() 
         let (mut scratch, mut along, mut pixels) = (vec![0.0; shape.len()], [0.0; 3], [0.0; 3]);
         // Twice: the second time from what was kept.
         for _ in 0..2 {
-            am.project_gradient(side, &j, &mut scratch, &mut along);
-            am.gradient_into(side, &mut scratch);
+            am.derivatives()
+                .unwrap()
+                .project_gradient(side, &j, &mut scratch, &mut along);
+            am.derivatives().unwrap().gradient_into(side, &mut scratch);
             for (k, pixel) in pixels.iter_mut().enumerate() {
                 let products = j.col(k).iter().zip(&scratch);
                 *pixel = products.map(|(&a, &b)| f64::from(a) * f64::from(b)).sum();
@@ -198,8 +200,14 @@ fn gradients_along_parameters_agree_with_those_of_pixels_and_with_differences() 
                 .collect()
         };
         let f = |k: usize, h: f64| match side {
-            Side::Template => am.reference(&wide(&t, k, h), &wide(&c, k, 0.0)),
-            Side::Current => am.reference(&wide(&t, k, 0.0), &wide(&c, k, h)),
+            Side::Template => am
+                .reference()
+                .unwrap()
+                .similarity_of(&wide(&t, k, h), &wide(&c, k, 0.0)),
+            Side::Current => am
+                .reference()
+                .unwrap()
+                .similarity_of(&wide(&t, k, 0.0), &wide(&c, k, h)),
         };
         let numeric: Vec<f64> = (0..3).map(|k| (f(k, h) - f(k, -h)) / (2.0 * h)).collect();
         let off: Vec<f64> = along.iter().zip(&numeric).map(|(a, b)| a - b).collect();

@@ -76,8 +76,10 @@ fn grid_error<M: LkMethod, S: StateSpaceModel>(
     name: &str,
 ) -> f64 {
     tracker.init(&frames[0], &quad()).unwrap();
-    let n = tracker.ssm().grid().x.len();
-    let start: Vec<[f64; 2]> = (0..n).map(|i| tracker.ssm().point(i)).collect();
+    let n = tracker.ssm().base().grid().x.len();
+    let start: Vec<[f64; 2]> = (0..n)
+        .map(|i| tracker.ssm().reference().unwrap().point(i))
+        .collect();
     let mut sum = 0.0;
     for (t, frame) in frames.iter().enumerate().skip(1) {
         tracker
@@ -88,7 +90,7 @@ fn grid_error<M: LkMethod, S: StateSpaceModel>(
             .iter()
             .enumerate()
             .map(|(i, &x)| {
-                let (u, w) = (sheet.place(x), tracker.ssm().point(i));
+                let (u, w) = (sheet.place(x), tracker.ssm().reference().unwrap().point(i));
                 (u[0] - w[0]).powi(2) + (u[1] - w[1]).powi(2)
             })
             .sum();

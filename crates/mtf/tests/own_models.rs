@@ -2,7 +2,9 @@
 //! part in sweeps, are joined in sums, and are the warp of composites.
 
 use mtf::Jacobian;
-use mtf::am::{AppearanceModel, Capabilities, PatchShape, Side, Ssd};
+use mtf::am::{
+    AppearanceModel, Derivatives, Distances, Metric, PatchShape, Properties, Reference, Side, Ssd,
+};
 use mtf::entry::Part;
 use mtf::geom::solve::SymMatrix;
 use mtf::geom::{Corners, Mat3};
@@ -50,11 +52,8 @@ impl Part for Scaled {
 }
 
 impl AppearanceModel for Scaled {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            masks: false,
-            ..self.ssd.capabilities()
-        }
+    fn properties(&self) -> Properties {
+        Properties::default()
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         self.ssd.set_template(shape, patch)
@@ -65,6 +64,24 @@ impl AppearanceModel for Scaled {
     fn similarity(&self) -> f64 {
         self.factor * self.ssd.similarity()
     }
+    fn likelihood(&self) -> f64 {
+        self.ssd.likelihood()
+    }
+    fn memory(&self) -> usize {
+        self.ssd.memory()
+    }
+    fn derivatives(&mut self) -> Option<&mut dyn Derivatives> {
+        Some(self)
+    }
+    fn distances(&self) -> Option<&dyn Distances> {
+        Some(self)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Scaled {
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         self.ssd.gradient_into(side, out);
         out.iter_mut().for_each(|v| *v *= self.factor as f32);
@@ -77,8 +94,11 @@ impl AppearanceModel for Scaled {
         self.ssd.self_hessian_into(side, j, h);
         h.scale(self.factor);
     }
-    fn likelihood(&self) -> f64 {
-        self.ssd.likelihood()
+}
+
+impl Distances for Scaled {
+    fn metric(&self) -> Metric {
+        Metric::SquaredL2
     }
     fn feature_len(&self) -> usize {
         self.ssd.feature_len()
@@ -86,11 +106,11 @@ impl AppearanceModel for Scaled {
     fn feature_into(&self, patch: &[f32], out: &mut [f32]) {
         self.ssd.feature_into(patch, out);
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
-        self.factor * self.ssd.reference(template, current)
-    }
-    fn memory(&self) -> usize {
-        self.ssd.memory()
+}
+
+impl Reference for Scaled {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
+        self.factor * self.ssd.similarity_of(template, current)
     }
 }
 

@@ -93,7 +93,9 @@ fn errors(name: &str, method: EstimateMethod, outliers: f64, seeds: u64) -> (Vec
         let mut error = |method, from: &[[f64; 2]], to: &[[f64; 2]]| {
             ssm.set_state(&zero).unwrap();
             let mut e = Estimator::new(params(method), seed);
-            ssm.estimate(&mut e, from, to)
+            ssm.estimable()
+                .unwrap()
+                .estimate(&mut e, from, to)
                 .unwrap_or_else(|e| panic!("{name}, seed {seed}: {e}"));
             crate::common::alignment_error(&ssm.corners(), &case.truth)
         };
@@ -150,7 +152,7 @@ fn estimates_repeat_exactly() {
     let mut ssm = (entry.build)(&[]).unwrap();
     let c = case(&mut *ssm, 0.45, &mut crate::common::rng(1));
     let mut run = |e: &mut Estimator| {
-        ssm.estimate(e, &c.from, &c.to).unwrap();
+        ssm.estimable().unwrap().estimate(e, &c.from, &c.to).unwrap();
         ssm.state().to_vec()
     };
     let mut e = Estimator::new(EstimatorParams::default(), 9);

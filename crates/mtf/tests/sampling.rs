@@ -91,7 +91,10 @@ fn corners_have_the_moments_asked_for() {
     let mut ssm = started(Homography::new());
     for (unit, scale) in [
         (SampleUnit::Pixels, 1.0),
-        (SampleUnit::Side, std::f64::consts::SQRT_2 * ssm.radius() / 100.0),
+        (
+            SampleUnit::Side,
+            std::f64::consts::SQRT_2 * ssm.base().radius / 100.0,
+        ),
     ] {
         let text = if unit == SampleUnit::Pixels {
             "3:2"

@@ -5,7 +5,7 @@
 //! scale, of the coarser, then `xx`, `xy`, `yy` of both. Linear, so their derivative is the bank itself.
 
 use super::PatchShape;
-use super::dfm::PatchFeatures;
+use super::patch_features::PatchFeatures;
 use crate::kernels::{self, Pass};
 use crate::tracker::TrackError;
 use std::cell::RefCell;

@@ -14,67 +14,15 @@
 
 use super::bank::OrientedBank;
 use super::network::Network;
-use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::patch_features::PatchFeatures;
+use super::{
+    AppearanceModel, Curvature, Derivatives, Distances, Metric, Normal, PatchShape, Properties, Reference,
+    Side,
+};
 use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::tracker::TrackError;
-
-/// Gray levels that the default [`PatchFeatures::derivative`] moves values by, at most.
-const STEP: f32 = 1.0;
-
-/// Features of a patch: a number of maps of equal length, differentiable with respect to the patch's values, if only by
-/// differences (the defaults, which allocate).
-pub trait PatchFeatures: Send + dyn_clone::DynClone {
-    /// Prepares for patches of a shape. Fails when they are too small.
-    fn prepare(&mut self, shape: PatchShape) -> Result<(), TrackError>;
-    /// Number of maps.
-    fn maps(&self) -> usize;
-    /// Values per map.
-    fn map_len(&self) -> usize;
-    /// All maps of a patch, one after the other.
-    fn evaluate(&self, patch: &[f32], out: &mut [f32]);
-    /// Change of all maps along a direction: `B d` at `patch`. By default a central difference.
-    fn derivative(&self, patch: &[f32], direction: &[f32], out: &mut [f32]) {
-        let largest = direction.iter().fold(0.0f32, |m, d| m.max(d.abs()));
-        if largest == 0.0 {
-            return out.fill(0.0);
-        }
-        let h = STEP / largest;
-        let moved = |h: f32| -> Vec<f32> { patch.iter().zip(direction).map(|(p, d)| p + h * d).collect() };
-        let mut down = vec![0.0; out.len()];
-        self.evaluate(&moved(h), out);
-        self.evaluate(&moved(-h), &mut down);
-        for (o, d) in out.iter_mut().zip(&down) {
-            *o = (*o - d) / (2.0 * h);
-        }
-    }
-    /// Whether [`transposed`](Self::transposed) costs about as much as one evaluation.
-    fn has_transpose(&self) -> bool {
-        false
-    }
-    /// `Bᵀ w` at `patch`, for one number per feature. By default from a derivative per value of the patch.
-    fn transposed(&self, patch: &[f32], weights: &[f32], out: &mut [f32]) {
-        let (mut unit, mut change) = (vec![0.0; patch.len()], vec![0.0; weights.len()]);
-        for (i, o) in out.iter_mut().enumerate() {
-            unit[i] = 1.0;
-            self.derivative(patch, &unit, &mut change);
-            unit[i] = 0.0;
-            *o = kernels::dot(&change, weights) as f32;
-        }
-    }
-    /// Slow `f64` definition of [`evaluate`](Self::evaluate); by default that itself.
-    fn reference(&self, patch: &[f64]) -> Vec<f64> {
-        let patch: Vec<f32> = patch.iter().map(|&v| v as f32).collect();
-        let mut out = vec![0.0; self.maps() * self.map_len()];
-        self.evaluate(&patch, &mut out);
-        out.into_iter().map(f64::from).collect()
-    }
-    /// Bytes kept.
-    fn memory(&self) -> usize;
-}
-
-dyn_clone::clone_trait_object!(PatchFeatures);
 
 crate::params! {
     /// Parameters of [`Dfm`].
@@ -233,14 +181,8 @@ impl Part for Dfm {
 }
 
 impl AppearanceModel for Dfm {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            derivatives: true,
-            symmetric: true,
-            metric: Metric::SquaredL2,
-            gain_bias_invariant: false,
-            masks: false,
-        }
+    fn properties(&self) -> Properties {
+        Properties::default()
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         self.features.prepare(shape)?;
@@ -278,6 +220,28 @@ impl AppearanceModel for Dfm {
     fn similarity(&self) -> f64 {
         -0.5 * self.ssd
     }
+    fn likelihood(&self) -> f64 {
+        libm::exp(-self.params.likelihood_alpha * self.ssd / self.residual.len() as f64)
+    }
+    fn memory(&self) -> usize {
+        let n = self.residual.capacity();
+        let jacobians = self.pushed.iter().chain([&self.of_template]);
+        4 * (5 * n + 2 * self.template.patch.capacity())
+            + jacobians.map(Jacobian::memory).sum::<usize>()
+            + self.features.memory()
+    }
+    fn derivatives(&mut self) -> Option<&mut dyn Derivatives> {
+        Some(self)
+    }
+    fn distances(&self) -> Option<&dyn Distances> {
+        Some(self)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Dfm {
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         self.scale_residual(side);
         self.features
@@ -321,8 +285,11 @@ impl AppearanceModel for Dfm {
             &mut out.gradient,
         );
     }
-    fn likelihood(&self) -> f64 {
-        libm::exp(-self.params.likelihood_alpha * self.ssd / self.residual.len() as f64)
+}
+
+impl Distances for Dfm {
+    fn metric(&self) -> Metric {
+        Metric::SquaredL2
     }
     fn feature_len(&self) -> usize {
         self.residual.len()
@@ -331,7 +298,10 @@ impl AppearanceModel for Dfm {
         self.features.evaluate(patch, out);
         self.standardise(out, |_, _| ());
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+}
+
+impl Reference for Dfm {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
         let n = self.features.map_len();
         let (t, i) = (
             self.features.reference(template),
@@ -342,12 +312,5 @@ impl AppearanceModel for Dfm {
             ((i[k] - mi) * si - (t[k] - mt) * st).powi(2)
         });
         -0.5 * squares.sum::<f64>()
-    }
-    fn memory(&self) -> usize {
-        let n = self.residual.capacity();
-        let jacobians = self.pushed.iter().chain([&self.of_template]);
-        4 * (5 * n + 2 * self.template.patch.capacity())
-            + jacobians.map(Jacobian::memory).sum::<usize>()
-            + self.features.memory()
     }
 }

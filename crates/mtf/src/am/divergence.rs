@@ -11,16 +11,16 @@
 //! A histogram does not see where its values are: the self Hessian has rank `n_b - 1` at most per region, and many warps of a
 //! patch keep its histogram. Every Hessian is therefore damped by `-damping c J'J`, `c` the mean over the values of the self
 //! Hessian's diagonal: directions that the histograms do not determine stay where they are. Such a model does not track a
-//! homography alone ([`AppearanceModel::tracks_alone`]).
+//! homography alone ([`Properties::tracks_alone`]).
 //!
 //! Pixels are counted once, in the tiles into which the regions' borders divide the patch.
 
-use super::{AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use super::{AppearanceModel, Derivatives, Distances, Metric, PatchShape, Properties, Reference, Side};
 use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::hist::{self, SPLINE, SUPPORT, TABLES, TERMS, Window};
 use crate::kernels::{self, Jacobian};
-use crate::params::Params;
+use crate::params::{Assignment, Params};
 use crate::tracker::TrackError;
 use std::cell::RefCell;
 use std::ops::Range;
@@ -348,17 +348,12 @@ impl<K: DivergenceKind> Part for Divergence<K> {
 }
 
 impl<K: DivergenceKind> AppearanceModel for Divergence<K> {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            derivatives: true,
+    fn properties(&self) -> Properties {
+        Properties {
             symmetric: false,
-            metric: Metric::Other,
-            gain_bias_invariant: false,
-            masks: false,
+            tracks_alone: false,
+            ..Properties::default()
         }
-    }
-    fn tracks_alone(&self) -> bool {
-        false
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         self.layout = Layout::new(shape, &self.settings);
@@ -380,6 +375,26 @@ impl<K: DivergenceKind> AppearanceModel for Divergence<K> {
     fn similarity(&self) -> f64 {
         self.f
     }
+    fn likelihood(&self) -> f64 {
+        let regions = self.layout.regions.len().max(1) as f64;
+        libm::exp(self.settings.likelihood_alpha * self.f / regions)
+    }
+    fn memory(&self) -> usize {
+        let tables = 4 * (self.table.capacity() + self.power.capacity() + 2 * self.sum.capacity());
+        24 * self.layout.offset.len() + tables + self.outer.memory()
+    }
+    fn derivatives(&mut self) -> Option<&mut dyn Derivatives> {
+        Some(self)
+    }
+    fn distances(&self) -> Option<&dyn Distances> {
+        Some(self)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+}
+
+impl<K: DivergenceKind> Derivatives for Divergence<K> {
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         self.bin_factors(side);
         self.bucket_table(&hist::derivative(&SPLINE), 1);
@@ -405,9 +420,11 @@ impl<K: DivergenceKind> AppearanceModel for Divergence<K> {
         self.factors = factors;
         self.outer_hessian(side, j, h);
     }
-    fn likelihood(&self) -> f64 {
-        let regions = self.layout.regions.len().max(1) as f64;
-        libm::exp(self.settings.likelihood_alpha * self.f / regions)
+}
+
+impl<K: DivergenceKind> Distances for Divergence<K> {
+    fn metric(&self) -> Metric {
+        Metric::Other
     }
     fn feature_len(&self) -> usize {
         self.template.p.len()
@@ -433,7 +450,10 @@ impl<K: DivergenceKind> AppearanceModel for Divergence<K> {
         }
         sum as f32
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+}
+
+impl<K: DivergenceKind> Reference for Divergence<K> {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
         let layout = &self.layout;
         let histograms = |patch: &[f64]| -> Vec<f64> {
             let one = |region: &Region| {
@@ -453,8 +473,7 @@ impl<K: DivergenceKind> AppearanceModel for Divergence<K> {
         };
         similarity(&histograms(current), &histograms(template))
     }
-    fn memory(&self) -> usize {
-        let tables = 4 * (self.table.capacity() + self.power.capacity() + 2 * self.sum.capacity());
-        24 * self.layout.offset.len() + tables + self.outer.memory()
+    fn plain(&self) -> &'static [Assignment<'static>] {
+        &[("damping", "0")]
     }
 }

@@ -23,7 +23,7 @@
 //! `w = <df, b>/<b, b>`, at least 0, is 1 at `I = T` and falls as the patches have less in common; a constant 1 would, far from
 //! alignment, mostly lead away from texture. All Hessians of a side (self and standard) are `-J' sym(d²f/dI dT) J` at the
 //! side's own patch twice: minus the derivative of these gradients at `I = T`. Steps are then exact at alignment for every
-//! search method; `f` is no merit function for them ([`AppearanceModel::similarity_is_merit`]). `centred=0` gives the
+//! search method; `f` is no merit function for them ([`Derivatives::similarity_is_merit`]). `centred=0` gives the
 //! derivatives of `f` itself.
 //!
 //! Everything is accumulated as polynomials per bucket (kernels::hist); nothing grows with the square of `n`.
@@ -31,12 +31,12 @@
 mod joint;
 mod sums;
 
-use super::{AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use super::{AppearanceModel, Derivatives, Distances, Metric, PatchShape, Properties, Reference, Side};
 use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::hist::{self, SPLINE, SUPPORT, Window};
 use crate::kernels::{self, Jacobian};
-use crate::params::Params;
+use crate::params::{Assignment, Params};
 use crate::tracker::TrackError;
 use joint::{Joint, Pair, self_joint, window};
 use std::cell::RefCell;
@@ -314,17 +314,12 @@ impl<K: Kind> Part for Information<K> {
 }
 
 impl<K: Kind> AppearanceModel for Information<K> {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            derivatives: true,
+    fn properties(&self) -> Properties {
+        Properties {
             symmetric: !K::CUMULATIVE,
-            metric: Metric::Other,
             gain_bias_invariant: true,
-            masks: false,
+            ..Properties::default()
         }
-    }
-    fn similarity_is_merit(&self) -> bool {
-        !self.settings.centred
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         let bins = self.bins();
@@ -354,6 +349,31 @@ impl<K: Kind> AppearanceModel for Information<K> {
     }
     fn similarity(&self) -> f64 {
         self.pair.joint.f
+    }
+    fn likelihood(&self) -> f64 {
+        // A measure near zero shares nothing with the template.
+        let ratio = self.f_max / self.pair.joint.f.max(1e-3 * self.f_max);
+        libm::exp(-self.settings.likelihood_alpha * (ratio - 1.0).powi(2))
+    }
+    fn memory(&self) -> usize {
+        let cells = self.bins() * self.bins();
+        let histograms = (5 * 16 + 2 * 4 * Pair::<K>::SUMS) * cells;
+        56 * self.n + histograms + self.work.memory()
+    }
+    fn derivatives(&mut self) -> Option<&mut dyn Derivatives> {
+        Some(self)
+    }
+    fn distances(&self) -> Option<&dyn Distances> {
+        Some(self)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+}
+
+impl<K: Kind> Derivatives for Information<K> {
+    fn similarity_is_merit(&self) -> bool {
+        !self.settings.centred
     }
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         self.plain_gradient(side, out);
@@ -387,10 +407,11 @@ impl<K: Kind> AppearanceModel for Information<K> {
             self.plain_self_hessian(side, j, h);
         }
     }
-    fn likelihood(&self) -> f64 {
-        // A measure near zero shares nothing with the template.
-        let ratio = self.f_max / self.pair.joint.f.max(1e-3 * self.f_max);
-        libm::exp(-self.settings.likelihood_alpha * (ratio - 1.0).powi(2))
+}
+
+impl<K: Kind> Distances for Information<K> {
+    fn metric(&self) -> Metric {
+        Metric::Other
     }
     fn feature_len(&self) -> usize {
         self.n
@@ -425,7 +446,10 @@ impl<K: Kind> AppearanceModel for Information<K> {
         }
         -pair.joint.f as f32
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+}
+
+impl<K: Kind> Reference for Information<K> {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
         let (bins, seed) = (self.bins(), self.settings.seed);
         let mut joint = Joint::default();
         joint.resize(bins);
@@ -449,10 +473,8 @@ impl<K: Kind> AppearanceModel for Information<K> {
         joint.finish(template.len(), seed);
         joint.f
     }
-    fn memory(&self) -> usize {
-        let cells = self.bins() * self.bins();
-        let histograms = (5 * 16 + 2 * 4 * Pair::<K>::SUMS) * cells;
-        56 * self.n + histograms + self.work.memory()
+    fn plain(&self) -> &'static [Assignment<'static>] {
+        &[("centred", "0")]
     }
 }
 
@@ -514,8 +536,9 @@ mod tests {
             }
             let (mut a, mut b) = (SymMatrix::new(11), SymMatrix::new(3));
             for side in [Side::Template, Side::Current] {
-                m.self_hessian_into(side, &wide, &mut a);
-                m.self_hessian_into(side, &narrow, &mut b);
+                let derivatives = m.derivatives().unwrap();
+                derivatives.self_hessian_into(side, &wide, &mut a);
+                derivatives.self_hessian_into(side, &narrow, &mut b);
                 for (r, c) in (0..3).flat_map(|r| (0..3).map(move |c| (r, c))) {
                     assert!(
                         (a.get(r, c) - b.get(r, c)).abs() <= 1e-5 * b.get(r, r).abs(),

@@ -8,9 +8,12 @@
 //! the sum of the weights. These belong to the differences of standardised patches, as in [`super::Zncc`], and are held
 //! fixed while differentiating.
 
-use super::robust::{NOISE, Robust, Weights};
-use super::zncc::{Correlator, standardise};
-use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::standard::{Correlator, standardise};
+use super::weights::{NOISE, Robust, Weights};
+use super::{
+    AppearanceModel, Curvature, Derivatives, Distances, Masking, Metric, Normal, PatchShape, Properties,
+    Reference, Side,
+};
 use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
@@ -139,13 +142,10 @@ impl Part for Ncc {
 }
 
 impl AppearanceModel for Ncc {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            derivatives: true,
-            symmetric: true,
-            metric: Metric::SquaredL2,
+    fn properties(&self) -> Properties {
+        Properties {
             gain_bias_invariant: true,
-            masks: true,
+            ..Properties::default()
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
@@ -182,20 +182,42 @@ impl AppearanceModel for Ncc {
         self.f = kernels::dot(&self.template, &self.current) / self.n();
     }
     fn score(&mut self, patch: &[f32]) -> f64 {
-        match self.correlator.correlate(&self.template, &self.weights, patch) {
+        if self.weights.used() {
+            self.set_current(patch);
+            return self.similarity();
+        }
+        match self.correlator.correlate(&self.template, patch) {
             Some((ncc, inverse)) => (self.f, self.current_inverse) = (ncc, inverse),
             None => self.set_current(patch),
         }
         self.f
     }
-    fn set_mask(&mut self, mask: &[f32]) {
-        self.weights.set_mask(mask);
-    }
-    fn weighted(&self) -> bool {
-        self.weights.used()
-    }
     fn similarity(&self) -> f64 {
         self.f
+    }
+    fn likelihood(&self) -> f64 {
+        libm::exp(-2.0 * self.params.likelihood_alpha * (1.0 - self.f).max(0.0))
+    }
+    fn memory(&self) -> usize {
+        12 * self.template.capacity() + 8 * self.weighted[0].capacity() + self.weights.memory()
+    }
+    fn derivatives(&mut self) -> Option<&mut dyn Derivatives> {
+        Some(self)
+    }
+    fn distances(&self) -> Option<&dyn Distances> {
+        Some(self)
+    }
+    fn masking(&mut self) -> Option<&mut dyn Masking> {
+        Some(self)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Ncc {
+    fn weighted(&mut self) -> bool {
+        self.weights.used()
     }
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         let [u, v] = self.patches();
@@ -234,8 +256,11 @@ impl AppearanceModel for Ncc {
             *g = (other - self.f * own) * inverse / self.n();
         }
     }
-    fn likelihood(&self) -> f64 {
-        libm::exp(-2.0 * self.params.likelihood_alpha * (1.0 - self.f).max(0.0))
+}
+
+impl Distances for Ncc {
+    fn metric(&self) -> Metric {
+        Metric::SquaredL2
     }
     fn feature_len(&self) -> usize {
         self.template.len()
@@ -243,7 +268,16 @@ impl AppearanceModel for Ncc {
     fn feature_into(&self, patch: &[f32], out: &mut [f32]) {
         standardise(patch, out);
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+}
+
+impl Masking for Ncc {
+    fn set_mask(&mut self, mask: &[f32]) {
+        self.weights.set_mask(mask);
+    }
+}
+
+impl Reference for Ncc {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
         let w = |i: usize| self.weights.get().map_or(1.0, |w| f64::from(w[i]));
         let mean = |x: &[f64]| x.iter().enumerate().map(|(i, x)| w(i) * x).sum::<f64>() / self.n();
         let (mt, mi) = (mean(template), mean(current));
@@ -253,8 +287,5 @@ impl AppearanceModel for Ncc {
             (tt, ii, ti) = (tt + w(k) * t * t, ii + w(k) * i * i, ti + w(k) * t * i);
         }
         if tt * ii > 0.0 { ti / (tt * ii).sqrt() } else { 0.0 }
-    }
-    fn memory(&self) -> usize {
-        12 * self.template.capacity() + 8 * self.weighted[0].capacity() + self.weights.memory()
     }
 }

@@ -13,12 +13,12 @@
 //! Hessians of a side are `-J' (d²f/dI dT) J` at the side's own patch twice. Exact on sharp images; the basin is a few
 //! sampling steps.
 
-use super::{AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use super::{AppearanceModel, Derivatives, Distances, Metric, PatchShape, Properties, Reference, Side};
 use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::stencil::{self, patch_gradient, patch_gradient_adjoint};
 use crate::kernels::{self, Jacobian};
-use crate::params::Resolution;
+use crate::params::{Assignment, Resolution};
 use crate::tracker::TrackError;
 
 crate::params! {
@@ -171,17 +171,11 @@ impl Part for Ngf {
 }
 
 impl AppearanceModel for Ngf {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            derivatives: true,
-            symmetric: true,
-            metric: Metric::Other,
+    fn properties(&self) -> Properties {
+        Properties {
             gain_bias_invariant: true,
-            masks: false,
+            ..Properties::default()
         }
-    }
-    fn similarity_is_merit(&self) -> bool {
-        !self.params.centred
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         let n = shape.len();
@@ -219,6 +213,27 @@ impl AppearanceModel for Ngf {
     fn similarity(&self) -> f64 {
         self.f
     }
+    fn likelihood(&self) -> f64 {
+        libm::exp(-self.params.likelihood_alpha * (1.0 - self.f / self.f_max).powi(2))
+    }
+    fn memory(&self) -> usize {
+        48 * self.template.x.capacity() + self.rows.memory()
+    }
+    fn derivatives(&mut self) -> Option<&mut dyn Derivatives> {
+        Some(self)
+    }
+    fn distances(&self) -> Option<&dyn Distances> {
+        Some(self)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Ngf {
+    fn similarity_is_merit(&self) -> bool {
+        !self.params.centred
+    }
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         let (mut qx, mut qy) = (std::mem::take(&mut self.qx), std::mem::take(&mut self.qy));
         let (own, other) = self.fields(side);
@@ -248,8 +263,11 @@ impl AppearanceModel for Ngf {
             self.plain_hessian(side, true, j, h);
         }
     }
-    fn likelihood(&self) -> f64 {
-        libm::exp(-self.params.likelihood_alpha * (1.0 - self.f / self.f_max).powi(2))
+}
+
+impl Distances for Ngf {
+    fn metric(&self) -> Metric {
+        Metric::Other
     }
     fn feature_len(&self) -> usize {
         2 * self.template.x.len()
@@ -265,7 +283,10 @@ impl AppearanceModel for Ngf {
         let ((ax, ay), (bx, by)) = (query.split_at(query.len() / 2), stored.split_at(query.len() / 2));
         -stencil::squared_alignment(ax, ay, bx, by) as f32
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+}
+
+impl Reference for Ngf {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
         let Resolution { cols, rows } = self.res();
         let eta2 = self.eta * self.eta;
         let gradient = |x: &[f64], i: usize| {
@@ -284,7 +305,7 @@ impl AppearanceModel for Ngf {
         };
         0.5 * (0..template.len()).map(squared).sum::<f64>()
     }
-    fn memory(&self) -> usize {
-        48 * self.template.x.capacity() + self.rows.memory()
+    fn plain(&self) -> &'static [Assignment<'static>] {
+        &[("centred", "0"), ("ngf_eta", "20")]
     }
 }

@@ -12,7 +12,10 @@
 //! `[φ U Σ, B - µ_B, sqrt(n_s m/(n_s + m)) (µ_B - µ)]`, found from the eigenvectors of its small Gram matrix;
 //! `µ <- (φ n_s µ + m µ_B)/(φ n_s + m)`, `n_s <- φ n_s + m`.
 
-use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{
+    AppearanceModel, Curvature, Derivatives, Distances, Learner, Metric, Normal, PatchShape, Properties,
+    Reference, Side,
+};
 use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
@@ -172,13 +175,10 @@ impl Part for Pca {
 }
 
 impl AppearanceModel for Pca {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            derivatives: true,
+    fn properties(&self) -> Properties {
+        Properties {
             symmetric: false,
-            metric: Metric::SquaredL2,
-            gain_bias_invariant: false,
-            masks: false,
+            ..Properties::default()
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
@@ -224,6 +224,28 @@ impl AppearanceModel for Pca {
     fn similarity(&self) -> f64 {
         -0.5 * self.squares
     }
+    fn likelihood(&self) -> f64 {
+        libm::exp(-self.params.likelihood_alpha * (0.5 * self.squares / self.template.len() as f64).sqrt())
+    }
+    fn memory(&self) -> usize {
+        let n = self.template.capacity();
+        4 * (4 * n + self.batch.capacity()) + 4 * n * self.params.n_eigenvec
+    }
+    fn derivatives(&mut self) -> Option<&mut dyn Derivatives> {
+        Some(self)
+    }
+    fn distances(&self) -> Option<&dyn Distances> {
+        Some(self)
+    }
+    fn learner(&mut self) -> Option<&mut dyn Learner> {
+        Some(self)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Pca {
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         kernels::combine(Self::sign(side) as f32, &self.residual, 0.0, &self.residual, out);
     }
@@ -246,8 +268,11 @@ impl AppearanceModel for Pca {
             *g = Self::sign(side) * s;
         }
     }
-    fn likelihood(&self) -> f64 {
-        libm::exp(-self.params.likelihood_alpha * (0.5 * self.squares / self.template.len() as f64).sqrt())
+}
+
+impl Distances for Pca {
+    fn metric(&self) -> Metric {
+        Metric::SquaredL2
     }
     fn feature_len(&self) -> usize {
         self.template.len()
@@ -256,6 +281,9 @@ impl AppearanceModel for Pca {
     fn feature_into(&self, patch: &[f32], out: &mut [f32]) {
         out.copy_from_slice(patch);
     }
+}
+
+impl Learner for Pca {
     fn learn(&mut self, patch: &[f32]) -> bool {
         if patch.iter().any(|v| !v.is_finite()) {
             return false;
@@ -267,10 +295,13 @@ impl AppearanceModel for Pca {
         self.update_basis();
         true
     }
-    fn needs_learning(&self) -> bool {
+    fn needs_learning(&mut self) -> bool {
         true
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+}
+
+impl Reference for Pca {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
         let mut e: Vec<f64> = (0..template.len())
             .map(|i| current[i] - f64::from(self.mean[i]) - (template[i] - f64::from(self.template[i])))
             .collect();
@@ -282,10 +313,6 @@ impl AppearanceModel for Pca {
             e.iter_mut().zip(u).for_each(|(e, &u)| *e -= c * f64::from(u));
         }
         -0.5 * e.iter().map(|e| e * e).sum::<f64>()
-    }
-    fn memory(&self) -> usize {
-        let n = self.template.capacity();
-        4 * (4 * n + self.batch.capacity()) + 4 * n * self.params.n_eigenvec
     }
 }
 
@@ -387,8 +414,8 @@ mod tests {
                         .collect()
                 };
                 match side {
-                    Side::Template => am.reference(&moved(&template), &current),
-                    Side::Current => am.reference(&template, &moved(&current)),
+                    Side::Template => am.similarity_of(&moved(&template), &current),
+                    Side::Current => am.similarity_of(&template, &moved(&current)),
                 }
             };
             let at = |a: usize, x: f64, b: usize, y: f64| {

@@ -10,7 +10,10 @@
 //!
 //! Dark pixels weigh most, so a small `κ` makes them, and their noise, decide; hence its default (the original's is 1).
 
-use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{
+    AppearanceModel, Curvature, Derivatives, Distances, Metric, Normal, PatchShape, Properties, Reference,
+    Side,
+};
 use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
@@ -168,13 +171,11 @@ impl Part for Riu {
 }
 
 impl AppearanceModel for Riu {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            derivatives: true,
+    fn properties(&self) -> Properties {
+        Properties {
             symmetric: false,
-            metric: Metric::Other,
             gain_bias_invariant: true,
-            masks: false,
+            ..Properties::default()
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
@@ -206,6 +207,24 @@ impl AppearanceModel for Riu {
     fn similarity(&self) -> f64 {
         self.f
     }
+    fn likelihood(&self) -> f64 {
+        libm::exp(self.params.likelihood_alpha * self.f)
+    }
+    fn memory(&self) -> usize {
+        9 * 4 * self.template.capacity()
+    }
+    fn derivatives(&mut self) -> Option<&mut dyn Derivatives> {
+        Some(self)
+    }
+    fn distances(&self) -> Option<&dyn Distances> {
+        Some(self)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Riu {
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         let mut space = std::mem::take(&mut self.scratch.slope);
         self.slope_of_f(self.slope(side, &mut space), out);
@@ -227,8 +246,11 @@ impl AppearanceModel for Riu {
     ) {
         self.accumulate(side, curvature, j, &mut out.hessian, Some(&mut out.gradient));
     }
-    fn likelihood(&self) -> f64 {
-        libm::exp(self.params.likelihood_alpha * self.f)
+}
+
+impl Distances for Riu {
+    fn metric(&self) -> Metric {
+        Metric::Other
     }
     fn feature_len(&self) -> usize {
         self.template.len()
@@ -240,7 +262,10 @@ impl AppearanceModel for Riu {
     fn distance(&self, query: &[f32], stored: &[f32], _bound: f32) -> f32 {
         kernels::ratio_variation(query, stored, self.params.kappa as f32) as f32
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+}
+
+impl Reference for Riu {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
         let (n, k) = (template.len() as f64, self.params.kappa);
         let ratio: Vec<f64> = template
             .iter()
@@ -249,8 +274,5 @@ impl AppearanceModel for Riu {
             .collect();
         let m = ratio.iter().sum::<f64>() / n;
         -ratio.iter().map(|r| (r - m).powi(2)).sum::<f64>() / n / m
-    }
-    fn memory(&self) -> usize {
-        9 * 4 * self.template.capacity()
     }
 }

@@ -3,10 +3,9 @@
 //! Without derivatives (`f` has none where a difference is zero), so for sampling methods only. Likelihood
 //! `exp(alpha f/n)`; the distance is the L1 norm.
 
-use super::{AppearanceModel, Capabilities, Metric, PatchShape, Side};
+use super::{AppearanceModel, Distances, Metric, PatchShape, Properties, Reference};
 use crate::entry::Part;
-use crate::geom::solve::SymMatrix;
-use crate::kernels::{self, Jacobian};
+use crate::kernels;
 use crate::tracker::TrackError;
 
 crate::params! {
@@ -38,14 +37,8 @@ impl Part for Sad {
 }
 
 impl AppearanceModel for Sad {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            derivatives: false,
-            symmetric: true,
-            metric: Metric::L1,
-            gain_bias_invariant: false,
-            masks: false,
-        }
+    fn properties(&self) -> Properties {
+        Properties::default()
     }
     fn set_template(&mut self, _shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         self.template.clear();
@@ -59,20 +52,23 @@ impl AppearanceModel for Sad {
     fn similarity(&self) -> f64 {
         -self.sad
     }
-    /// Zero: there is no gradient.
-    fn gradient_into(&mut self, _side: Side, out: &mut [f32]) {
-        out.fill(0.0);
-    }
-    /// Zero: there is no Hessian.
-    fn hessian_into(&mut self, _side: Side, _j: &Jacobian, h: &mut SymMatrix) {
-        h.fill(|_, _| 0.0);
-    }
-    /// Zero: there is no Hessian.
-    fn self_hessian_into(&mut self, _side: Side, _j: &Jacobian, h: &mut SymMatrix) {
-        h.fill(|_, _| 0.0);
-    }
     fn likelihood(&self) -> f64 {
         libm::exp(-self.params.likelihood_alpha * self.sad / self.template.len() as f64)
+    }
+    fn memory(&self) -> usize {
+        4 * self.template.capacity()
+    }
+    fn distances(&self) -> Option<&dyn Distances> {
+        Some(self)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+}
+
+impl Distances for Sad {
+    fn metric(&self) -> Metric {
+        Metric::L1
     }
     fn feature_len(&self) -> usize {
         self.template.len()
@@ -83,14 +79,14 @@ impl AppearanceModel for Sad {
     fn distance(&self, query: &[f32], stored: &[f32], bound: f32) -> f32 {
         kernels::absolute_distance(query, stored, bound.into()) as f32
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+}
+
+impl Reference for Sad {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
         -template
             .iter()
             .zip(current)
             .map(|(t, i)| (i - t).abs())
             .sum::<f64>()
-    }
-    fn memory(&self) -> usize {
-        4 * self.template.capacity()
     }
 }

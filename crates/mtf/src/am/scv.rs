@@ -19,7 +19,10 @@
 //! `df/da = -s e`, Hessians `-Id` and `-diag(s²)`; the slope `s` is one, or that of the map with `mapped_gradient`.
 
 use super::tone::{Settings, Shape, ToneMap};
-use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{
+    AppearanceModel, Curvature, Derivatives, Distances, Metric, Normal, PatchShape, PerFrame, Properties,
+    Reference, Side,
+};
 use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
@@ -243,18 +246,11 @@ impl<V: Variant> Part for ConditionalVariance<V> {
 }
 
 impl<V: Variant> AppearanceModel for ConditionalVariance<V> {
-    fn capabilities(&self) -> Capabilities {
-        let metric = if self.options.approx_feature {
-            Metric::SquaredL2
-        } else {
-            Metric::Other
-        };
-        Capabilities {
-            derivatives: true,
+    fn properties(&self) -> Properties {
+        Properties {
             symmetric: false,
-            metric,
             gain_bias_invariant: true,
-            masks: false,
+            ..Properties::default()
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
@@ -285,9 +281,6 @@ impl<V: Variant> AppearanceModel for ConditionalVariance<V> {
         self.fresh = true;
         Ok(())
     }
-    fn begin_frame(&mut self) {
-        self.fresh = true;
-    }
     fn set_current(&mut self, patch: &[f32]) {
         let (a, b) = match V::MAPPED {
             Side::Template => (&self.template[..], patch),
@@ -310,6 +303,37 @@ impl<V: Variant> AppearanceModel for ConditionalVariance<V> {
     fn similarity(&self) -> f64 {
         -0.5 * self.ssd
     }
+    fn likelihood(&self) -> f64 {
+        libm::exp(-self.options.likelihood_alpha * (0.5 * self.ssd / self.template.len() as f64).sqrt())
+    }
+    fn memory(&self) -> usize {
+        let (map, shift) = &*self.features.borrow();
+        let vectors = [
+            &self.template,
+            &self.shift,
+            &self.slope,
+            &self.current,
+            &self.residual,
+            &self.weights,
+            shift,
+        ];
+        4 * vectors.iter().map(|v| v.capacity()).sum::<usize>() + self.map.memory() + map.memory()
+    }
+    fn derivatives(&mut self) -> Option<&mut dyn Derivatives> {
+        Some(self)
+    }
+    fn distances(&self) -> Option<&dyn Distances> {
+        Some(self)
+    }
+    fn per_frame(&mut self) -> Option<&mut dyn PerFrame> {
+        Some(self)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+}
+
+impl<V: Variant> Derivatives for ConditionalVariance<V> {
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         let sign = Self::sign(side) as f32;
         match self.slopes(side) {
@@ -340,8 +364,15 @@ impl<V: Variant> AppearanceModel for ConditionalVariance<V> {
             out.gradient.iter_mut().for_each(|g| *g *= Self::sign(side));
         }
     }
-    fn likelihood(&self) -> f64 {
-        libm::exp(-self.options.likelihood_alpha * (0.5 * self.ssd / self.template.len() as f64).sqrt())
+}
+
+impl<V: Variant> Distances for ConditionalVariance<V> {
+    fn metric(&self) -> Metric {
+        if self.options.approx_feature {
+            Metric::SquaredL2
+        } else {
+            Metric::Other
+        }
     }
     fn feature_len(&self) -> usize {
         self.template.len()
@@ -364,7 +395,16 @@ impl<V: Variant> AppearanceModel for ConditionalVariance<V> {
         map.apply(a, shift, &mut []);
         kernels::shifted_residual(a, shift, b, residual) as f32
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+}
+
+impl<V: Variant> PerFrame for ConditionalVariance<V> {
+    fn begin_frame(&mut self) {
+        self.fresh = true;
+    }
+}
+
+impl<V: Variant> Reference for ConditionalVariance<V> {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
         let square = |i: usize| {
             let (a, b, present) = match V::MAPPED {
                 Side::Template => (template[i], current[i], &self.template),
@@ -379,18 +419,5 @@ impl<V: Variant> AppearanceModel for ConditionalVariance<V> {
             (mapped - b).powi(2)
         };
         -0.5 * (0..template.len()).map(square).sum::<f64>()
-    }
-    fn memory(&self) -> usize {
-        let (map, shift) = &*self.features.borrow();
-        let vectors = [
-            &self.template,
-            &self.shift,
-            &self.slope,
-            &self.current,
-            &self.residual,
-            &self.weights,
-            shift,
-        ];
-        4 * vectors.iter().map(|v| v.capacity()).sum::<usize>() + self.map.memory() + map.memory()
     }
 }

@@ -6,7 +6,10 @@
 //! a small `k` (the original's is 0.01) lets the noise of dark pixels decide; hence its default.
 //! Losses `1 - f_i = (T_i - I_i)²/D_i` are kept instead of `f_i`: they lose no digits near alignment.
 
-use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{
+    AppearanceModel, Curvature, Derivatives, Distances, Metric, Normal, PatchShape, Properties, Reference,
+    Side,
+};
 use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
@@ -75,14 +78,8 @@ impl Part for Spss {
 }
 
 impl AppearanceModel for Spss {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            derivatives: true,
-            symmetric: true,
-            metric: Metric::Other,
-            gain_bias_invariant: false,
-            masks: false,
-        }
+    fn properties(&self) -> Properties {
+        Properties::default()
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         self.template.clear();
@@ -103,6 +100,24 @@ impl AppearanceModel for Spss {
     fn similarity(&self) -> f64 {
         self.template.len() as f64 - self.loss
     }
+    fn likelihood(&self) -> f64 {
+        libm::exp(-self.params.likelihood_alpha * self.loss / self.template.len() as f64)
+    }
+    fn memory(&self) -> usize {
+        16 * self.template.capacity()
+    }
+    fn derivatives(&mut self) -> Option<&mut dyn Derivatives> {
+        Some(self)
+    }
+    fn distances(&self) -> Option<&dyn Distances> {
+        Some(self)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Spss {
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         let (own, other) = self.patches(side);
         kernels::spss_gradient(own, other, &self.losses, self.c(), out);
@@ -127,8 +142,11 @@ impl AppearanceModel for Spss {
         self.weigh(side, curvature);
         kernels::weighted_normal_equations(j, &self.weights, &[scratch], &mut out.hessian, &mut out.gradient);
     }
-    fn likelihood(&self) -> f64 {
-        libm::exp(-self.params.likelihood_alpha * self.loss / self.template.len() as f64)
+}
+
+impl Distances for Spss {
+    fn metric(&self) -> Metric {
+        Metric::Other
     }
     fn feature_len(&self) -> usize {
         self.template.len()
@@ -140,15 +158,15 @@ impl AppearanceModel for Spss {
     fn distance(&self, query: &[f32], stored: &[f32], bound: f32) -> f32 {
         kernels::spss_distance(query, stored, self.c(), bound)
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+}
+
+impl Reference for Spss {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
         let c = (255.0 * self.params.k).powi(2);
         template
             .iter()
             .zip(current)
             .map(|(t, i)| (2.0 * t * i + c) / (t * t + i * i + c))
             .sum()
-    }
-    fn memory(&self) -> usize {
-        16 * self.template.capacity()
     }
 }

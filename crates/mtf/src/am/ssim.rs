@@ -12,7 +12,10 @@
 //! self Hessian `-(2/((n-1) D)) P - (2/(n² C)) 11ᵀ` with `C = 2 µ² + c1`, `D = 2 σ² + c2` of one patch. The template
 //! side swaps the roles. All of it needs only `J'J` and `J'1`, `J'u`, `J'v`.
 
-use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::{
+    AppearanceModel, Curvature, Derivatives, Distances, Metric, Normal, PatchShape, Properties, Reference,
+    Side,
+};
 use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
@@ -187,14 +190,8 @@ impl Part for Ssim {
 }
 
 impl AppearanceModel for Ssim {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            derivatives: true,
-            symmetric: true,
-            metric: Metric::Other,
-            gain_bias_invariant: false,
-            masks: false,
-        }
+    fn properties(&self) -> Properties {
+        Properties::default()
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
         self.template.clear();
@@ -220,6 +217,24 @@ impl AppearanceModel for Ssim {
     fn similarity(&self) -> f64 {
         self.factors.f
     }
+    fn likelihood(&self) -> f64 {
+        libm::exp(-2.0 * self.params.likelihood_alpha * (1.0 - self.factors.f).max(0.0))
+    }
+    fn memory(&self) -> usize {
+        12 * self.template.capacity()
+    }
+    fn derivatives(&mut self) -> Option<&mut dyn Derivatives> {
+        Some(self)
+    }
+    fn distances(&self) -> Option<&dyn Distances> {
+        Some(self)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Ssim {
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         let [one, other, own] = self.coefficients(side);
         let (own_patch, other_patch) = match side {
@@ -253,8 +268,11 @@ impl AppearanceModel for Ssim {
             *g = one * one_sums[k] + other * other_sums[k] + own * own_sums[k];
         }
     }
-    fn likelihood(&self) -> f64 {
-        libm::exp(-2.0 * self.params.likelihood_alpha * (1.0 - self.factors.f).max(0.0))
+}
+
+impl Distances for Ssim {
+    fn metric(&self) -> Metric {
+        Metric::Other
     }
     /// Centred patch, mean, variance.
     fn feature_len(&self) -> usize {
@@ -275,7 +293,10 @@ impl AppearanceModel for Ssim {
         let covariance = kernels::dot(&query[..n], &stored[..n]) / (n as f64 - 1.0).max(1.0);
         -self.factors(stats(stored), stats(query), covariance).f as f32
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+}
+
+impl Reference for Ssim {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
         let n = template.len() as f64;
         let stats = |x: &[f64]| {
             let mean = x.iter().sum::<f64>() / n;
@@ -290,8 +311,5 @@ impl AppearanceModel for Ssim {
             .zip(current)
             .map(|(a, b)| (a - t.mean) * (b - i.mean));
         self.factors(t, i, products.sum::<f64>() / (n - 1.0).max(1.0)).f
-    }
-    fn memory(&self) -> usize {
-        12 * self.template.capacity()
     }
 }

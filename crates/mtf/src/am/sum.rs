@@ -9,8 +9,8 @@
 //! correlation and difference measures) are then ordered exactly as the sum orders them.
 
 use super::{
-    AmEntry, AmFamily, AmName, AppearanceModel, Capabilities, Curvature, Metric, Ncc, Normal, PatchShape,
-    Side, Ssd,
+    AmEntry, AmFamily, AmName, AppearanceModel, Curvature, Derivatives, Distances, Learner, Masking, Metric,
+    Ncc, Normal, PatchShape, PerFrame, Properties, Reference, Side, Ssd, begin_frame,
 };
 use crate::geom::solve::SymMatrix;
 use crate::kernels::Jacobian;
@@ -27,6 +27,7 @@ crate::params! {
     }
 }
 
+/// A member of the sum.
 #[derive(Clone)]
 struct Addend {
     am: Box<dyn AppearanceModel>,
@@ -36,10 +37,24 @@ struct Addend {
     distance: f64,
 }
 
+/// What the sum offers only when both members do.
+const OFFERED: &str = "offered when both members do";
+
+impl Addend {
+    fn derivatives(&mut self) -> &mut dyn Derivatives {
+        self.am.derivatives().expect(OFFERED)
+    }
+    fn distances(&self) -> &dyn Distances {
+        self.am.distances().expect(OFFERED)
+    }
+}
+
 /// Weighted sum of two appearance models.
 #[derive(Clone)]
 pub struct Sum {
     parts: [Addend; 2],
+    /// Metric of the weighted features, if both members have one.
+    metric: Option<Metric>,
     scratch: Vec<f32>,
     normal: Normal,
 }
@@ -50,10 +65,7 @@ pub(super) const ENTRY: AmEntry = AmEntry::new::<SumParams>(
     "weighted sum of two models (am1, am2)",
     // Alone it knows the parts that it has by default.
     |a| join(a, &[AmEntry::of::<Ssd>(), AmEntry::of::<Ncc>()]),
-    AmFamily {
-        plain: &[],
-        join: Some(join),
-    },
+    AmFamily { join: Some(join) },
 )
 .also(&["sumofams"]);
 
@@ -75,43 +87,40 @@ impl Sum {
             weight: 1.0,
             distance: 1.0,
         };
+        let parts = [addend(first), addend(second)];
+        let metric = |k: usize| parts[k].am.distances().map(Distances::metric);
+        let metric = match (metric(0), metric(1)) {
+            (Some(Metric::SquaredL2), Some(Metric::SquaredL2)) => Some(Metric::SquaredL2),
+            (Some(_), Some(_)) => Some(Metric::Other),
+            _ => None,
+        };
         Sum {
-            parts: [addend(first), addend(second)],
+            parts,
+            metric,
             scratch: Vec::new(),
             normal: Normal::new(0),
         }
     }
 
     /// Both members' Hessians, weighted.
-    fn add_hessians(
-        &mut self,
-        h: &mut SymMatrix,
-        mut of: impl FnMut(&mut dyn AppearanceModel, &mut SymMatrix),
-    ) {
+    fn add_hessians(&mut self, h: &mut SymMatrix, of: impl Fn(&mut dyn Derivatives, &mut SymMatrix)) {
         if self.normal.hessian.order() != h.order() {
             self.normal = Normal::new(h.order());
         }
         let [first, second] = &mut self.parts;
-        of(&mut *first.am, h);
-        of(&mut *second.am, &mut self.normal.hessian);
+        of(first.derivatives(), h);
+        of(second.derivatives(), &mut self.normal.hessian);
         h.blend(first.weight, second.weight, &self.normal.hessian);
     }
 }
 
 impl AppearanceModel for Sum {
-    fn capabilities(&self) -> Capabilities {
-        let [a, b] = [self.parts[0].am.capabilities(), self.parts[1].am.capabilities()];
-        let metric = if (a.metric, b.metric) == (Metric::SquaredL2, Metric::SquaredL2) {
-            Metric::SquaredL2
-        } else {
-            Metric::Other
-        };
-        Capabilities {
-            derivatives: a.derivatives && b.derivatives,
+    fn properties(&self) -> Properties {
+        let [a, b] = [0, 1].map(|k| self.parts[k].am.properties());
+        Properties {
             symmetric: a.symmetric && b.symmetric,
-            metric,
             gain_bias_invariant: a.gain_bias_invariant && b.gain_bias_invariant,
-            masks: a.masks && b.masks,
+            tracks_alone: true,
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
@@ -121,54 +130,84 @@ impl AppearanceModel for Sum {
         for part in &mut self.parts {
             let am = &mut part.am;
             am.set_template(shape, patch)?;
-            am.begin_frame();
+            begin_frame(am);
             am.set_current(&other);
             let far = am.similarity();
-            am.begin_frame();
+            begin_frame(am);
             am.set_current(patch);
             let best = am.similarity();
-            let feature = |p: &[f32]| {
-                let mut f = vec![0.0; am.feature_len()];
-                am.feature_into(p, &mut f);
-                f
-            };
-            let (stored, moved) = (feature(patch), feature(&other));
-            let distance = |q: &[f32]| f64::from(am.distance(q, &stored, f32::INFINITY));
-            let (near, away) = (distance(&stored), distance(&moved));
-            let k = (best - far) / (away - near);
             part.weight = 1.0 / (1.0 + best * best);
-            part.distance = part.weight * if k.is_finite() && k > 0.0 { k } else { 1.0 };
+            part.distance = part.weight;
+            if let Some(distances) = am.distances() {
+                let feature = |p: &[f32]| {
+                    let mut f = vec![0.0; distances.feature_len()];
+                    distances.feature_into(p, &mut f);
+                    f
+                };
+                let (stored, moved) = (feature(patch), feature(&other));
+                let distance = |q: &[f32]| f64::from(distances.distance(q, &stored, f32::INFINITY));
+                let (near, away) = (distance(&stored), distance(&moved));
+                let k = (best - far) / (away - near);
+                part.distance = part.weight * if k.is_finite() && k > 0.0 { k } else { 1.0 };
+            }
             // A frame has begun when the template is the current patch.
-            part.am.begin_frame();
+            begin_frame(am);
         }
         self.scratch.clear();
         self.scratch.resize(shape.len(), 0.0);
         self.normal = Normal::new(MAX_DOF);
         Ok(())
     }
-    fn begin_frame(&mut self) {
-        self.parts.iter_mut().for_each(|p| p.am.begin_frame());
-    }
     fn set_current(&mut self, patch: &[f32]) {
         self.parts.iter_mut().for_each(|p| p.am.set_current(patch));
+    }
+    fn similarity(&self) -> f64 {
+        self.parts.iter().map(|p| p.weight * p.am.similarity()).sum()
+    }
+    fn likelihood(&self) -> f64 {
+        let total: f64 = self.parts.iter().map(|p| p.weight).sum();
+        self.parts
+            .iter()
+            .map(|p| p.weight / total * p.am.likelihood())
+            .sum()
+    }
+    fn memory(&self) -> usize {
+        4 * self.scratch.capacity() + self.parts.iter().map(|p| p.am.memory()).sum::<usize>()
     }
     fn score(&mut self, patch: &[f32]) -> f64 {
         let parts = self.parts.iter_mut();
         parts.map(|p| p.weight * p.am.score(patch)).sum()
     }
-    fn set_mask(&mut self, mask: &[f32]) {
-        self.parts.iter_mut().for_each(|p| p.am.set_mask(mask));
+    fn derivatives(&mut self) -> Option<&mut dyn Derivatives> {
+        let both = self.parts.iter_mut().all(|p| p.am.derivatives().is_some());
+        both.then_some(self as _)
     }
-    fn weighted(&self) -> bool {
-        self.parts.iter().any(|p| p.am.weighted())
+    fn distances(&self) -> Option<&dyn Distances> {
+        self.metric.is_some().then_some(self as _)
     }
-    fn similarity(&self) -> f64 {
-        self.parts.iter().map(|p| p.weight * p.am.similarity()).sum()
+    fn masking(&mut self) -> Option<&mut dyn Masking> {
+        let both = self.parts.iter_mut().all(|p| p.am.masking().is_some());
+        both.then_some(self as _)
     }
+    fn per_frame(&mut self) -> Option<&mut dyn PerFrame> {
+        let any = self.parts.iter_mut().any(|p| p.am.per_frame().is_some());
+        any.then_some(self as _)
+    }
+    fn learner(&mut self) -> Option<&mut dyn Learner> {
+        let any = self.parts.iter_mut().any(|p| p.am.learner().is_some());
+        any.then_some(self as _)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        let both = self.parts.iter().all(|p| p.am.reference().is_some());
+        both.then_some(self as _)
+    }
+}
+
+impl Derivatives for Sum {
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         let [first, second] = &mut self.parts;
-        first.am.gradient_into(side, out);
-        second.am.gradient_into(side, &mut self.scratch);
+        first.derivatives().gradient_into(side, out);
+        second.derivatives().gradient_into(side, &mut self.scratch);
         let (a, b) = (first.weight as f32, second.weight as f32);
         for (o, s) in out.iter_mut().zip(&self.scratch) {
             *o = a * *o + b * s;
@@ -192,29 +231,33 @@ impl AppearanceModel for Sum {
             self.normal = Normal::new(j.cols());
         }
         let [first, second] = &mut self.parts;
-        first.am.linearise(side, curvature, j, scratch, out);
-        second.am.linearise(side, curvature, j, scratch, &mut self.normal);
+        first.derivatives().linearise(side, curvature, j, scratch, out);
+        second
+            .derivatives()
+            .linearise(side, curvature, j, scratch, &mut self.normal);
         let (a, b) = (first.weight, second.weight);
         out.hessian.blend(a, b, &self.normal.hessian);
         for (g, s) in out.gradient.iter_mut().zip(&self.normal.gradient) {
             *g = a * *g + b * s;
         }
     }
-    fn likelihood(&self) -> f64 {
-        let total: f64 = self.parts.iter().map(|p| p.weight).sum();
-        self.parts
-            .iter()
-            .map(|p| p.weight / total * p.am.likelihood())
-            .sum()
+    fn weighted(&mut self) -> bool {
+        self.parts.iter_mut().any(|p| p.derivatives().weighted())
+    }
+}
+
+impl Distances for Sum {
+    fn metric(&self) -> Metric {
+        self.metric.unwrap_or(Metric::Other)
     }
     fn feature_len(&self) -> usize {
-        self.parts.iter().map(|p| p.am.feature_len()).sum()
+        self.parts.iter().map(|p| p.distances().feature_len()).sum()
     }
     fn feature_into(&self, patch: &[f32], out: &mut [f32]) {
-        let (first, second) = out.split_at_mut(self.parts[0].am.feature_len());
-        self.parts[0].am.feature_into(patch, first);
-        self.parts[1].am.feature_into(patch, second);
-        if self.capabilities().metric == Metric::SquaredL2 {
+        let (first, second) = out.split_at_mut(self.parts[0].distances().feature_len());
+        self.parts[0].distances().feature_into(patch, first);
+        self.parts[1].distances().feature_into(patch, second);
+        if self.metric == Some(Metric::SquaredL2) {
             // The weights go into the features, which keeps the distance Euclidean.
             for (part, feature) in self.parts.iter().zip([first, second]) {
                 let k = part.distance.sqrt() as f32;
@@ -223,38 +266,57 @@ impl AppearanceModel for Sum {
         }
     }
     fn distance(&self, query: &[f32], stored: &[f32], bound: f32) -> f32 {
-        if self.capabilities().metric == Metric::SquaredL2 {
+        if self.metric == Some(Metric::SquaredL2) {
             return crate::kernels::squared_distance(query, stored, bound);
         }
-        let at = self.parts[0].am.feature_len();
-        let d = |k: usize, q: &[f32], s: &[f32]| {
-            self.parts[k].distance * f64::from(self.parts[k].am.distance(q, s, f32::INFINITY))
+        let [first, second] = [0, 1].map(|k| self.parts[k].distances());
+        let at = first.feature_len();
+        let d = |k: usize, member: &dyn Distances, q: &[f32], s: &[f32]| {
+            self.parts[k].distance * f64::from(member.distance(q, s, f32::INFINITY))
         };
-        (d(0, &query[..at], &stored[..at]) + d(1, &query[at..], &stored[at..])) as f32
+        (d(0, first, &query[..at], &stored[..at]) + d(1, second, &query[at..], &stored[at..])) as f32
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
-        self.parts
-            .iter()
-            .map(|p| p.weight * p.am.reference(template, current))
-            .sum()
+}
+
+impl Masking for Sum {
+    fn set_mask(&mut self, mask: &[f32]) {
+        for member in self.parts.iter_mut().filter_map(|p| p.am.masking()) {
+            member.set_mask(mask);
+        }
     }
+}
+
+impl PerFrame for Sum {
+    fn begin_frame(&mut self) {
+        self.parts.iter_mut().for_each(|p| begin_frame(&mut p.am));
+    }
+}
+
+impl Learner for Sum {
     fn learn(&mut self, patch: &[f32]) -> bool {
-        self.parts
-            .iter_mut()
-            .fold(false, |any, p| p.am.learn(patch) | any)
+        let members = self.parts.iter_mut().filter_map(|p| p.am.learner());
+        members.fold(false, |any, member| member.learn(patch) | any)
     }
-    fn needs_learning(&self) -> bool {
-        self.parts.iter().any(|p| p.am.needs_learning())
+    fn needs_learning(&mut self) -> bool {
+        let mut members = self.parts.iter_mut().filter_map(|p| p.am.learner());
+        members.any(|member| member.needs_learning())
     }
-    fn memory(&self) -> usize {
-        4 * self.scratch.capacity() + self.parts.iter().map(|p| p.am.memory()).sum::<usize>()
+}
+
+impl Reference for Sum {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
+        let member = |p: &Addend| {
+            p.am.reference()
+                .map_or(f64::NAN, |r| r.similarity_of(template, current))
+        };
+        self.parts.iter().map(|p| p.weight * member(p)).sum()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::am::AMS;
+    use crate::am::{AMS, Capabilities};
 
     #[test]
     fn parts_are_the_models_that_are_known_but_no_sum() {
@@ -269,7 +331,8 @@ mod tests {
 
     #[test]
     fn a_member_without_derivatives_leaves_none_to_the_sum() {
-        let c = ENTRY.model(&[("am1", "sad")], AMS).unwrap().capabilities();
-        assert!(!c.derivatives && c.symmetric && c.metric == Metric::Other);
+        let mut sum = ENTRY.model(&[("am1", "sad")], AMS).unwrap();
+        let c = Capabilities::of(&mut *sum);
+        assert!(!c.derivatives && sum.properties().symmetric && c.metric == Some(Metric::Other));
     }
 }

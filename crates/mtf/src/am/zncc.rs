@@ -8,9 +8,12 @@
 //! counts neither as difference nor as brightness or contrast. Weights are estimated twice for each patch: from the
 //! differences when it is standardised with `µ` and `σ` of the patch before, then from those with its own, weighted.
 
-use super::robust::{NOISE, Robust, Weights};
-use super::ssd::{least_squares, scaled_gram, weigh};
-use super::{AppearanceModel, Capabilities, Curvature, Metric, Normal, PatchShape, Side};
+use super::standard::{Correlator, standardise};
+use super::weights::{NOISE, Robust, Weights};
+use super::{
+    AppearanceModel, Curvature, Derivatives, Distances, Masking, Metric, Normal, PatchShape, Properties,
+    Reference, Side,
+};
 use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
@@ -23,54 +26,6 @@ crate::params! {
         robust: Robust = Robust::None;
         /// Likelihood exp(-2 alpha (1 - ncc)): alpha.
         likelihood_alpha: f64 = 50.0, in 0.0..=1e6;
-    }
-}
-
-/// Patches whose standard deviation is below this are flat: they standardise to zero.
-pub(super) const FLAT: f64 = 1e-6;
-
-/// Writes `(x - mean) / deviation` to `out`, zero for a flat patch; returns mean and `1 / deviation` (0 when flat).
-pub(super) fn standardise(x: &[f32], out: &mut [f32]) -> (f64, f64) {
-    let n = x.len() as f64;
-    let mean = kernels::sum(x) / n;
-    let deviation = (kernels::rescale(x, mean as f32, 1.0, out) / n).sqrt();
-    let inverse = if deviation >= FLAT { 1.0 / deviation } else { 0.0 };
-    kernels::rescale(x, mean as f32, inverse as f32, out);
-    (mean, inverse)
-}
-
-/// A template to correlate many patches with, when only the correlation is wanted: one pass over each.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Correlator {
-    mean: f32,
-    /// Sum of the standardised template: zero but for rounding, which the distance of the means multiplies.
-    sum: f64,
-}
-
-impl Correlator {
-    /// For the standardised `template`, which had this mean.
-    pub fn new(mean: f64, template: &[f32]) -> Self {
-        Correlator {
-            mean: mean as f32,
-            sum: kernels::sum(template),
-        }
-    }
-
-    /// Correlation coefficient of the patch and the template, and `1/σ` of the patch. None with weights, and where the patch
-    /// is so flat, or so much brighter or darker than the template, that sums about the template's mean are too inexact.
-    pub fn correlate(self, template: &[f32], weights: &Weights, patch: &[f32]) -> Option<(f64, f64)> {
-        if weights.used() {
-            return None;
-        }
-        let n = patch.len() as f64;
-        let [sum, squares, product] = kernels::moments(patch, self.mean, template);
-        let shift = sum / n;
-        let variance = squares / n - shift * shift;
-        let exact = variance > 0.1 * shift * shift && variance > FLAT * FLAT;
-        exact.then(|| {
-            let inverse = 1.0 / variance.sqrt();
-            ((product - shift * self.sum) / n * inverse, inverse)
-        })
     }
 }
 
@@ -107,7 +62,7 @@ impl Zncc {
         self.current_stats = self.weights.standardise(patch, &mut self.residual);
         let squares = kernels::subtract_from(&mut self.residual, &self.weighted);
         let floor = NOISE * self.template_stats.1;
-        self.ssd = weigh(&mut self.weights, &mut self.residual, squares, floor);
+        self.ssd = self.weights.weigh(&mut self.residual, squares, floor);
     }
     fn inverse_deviation(&self, side: Side) -> f64 {
         match side {
@@ -138,13 +93,10 @@ impl Part for Zncc {
 }
 
 impl AppearanceModel for Zncc {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            derivatives: true,
-            symmetric: true,
-            metric: Metric::SquaredL2,
+    fn properties(&self) -> Properties {
+        Properties {
             gain_bias_invariant: true,
-            masks: true,
+            ..Properties::default()
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
@@ -172,29 +124,51 @@ impl AppearanceModel for Zncc {
         self.ssd = kernels::subtract_from(&mut self.residual, &self.template);
     }
     fn score(&mut self, patch: &[f32]) -> f64 {
-        match self.correlator.correlate(&self.template, &self.weights, patch) {
+        if self.weights.used() {
+            self.set_current(patch);
+            return self.similarity();
+        }
+        match self.correlator.correlate(&self.template, patch) {
             Some((ncc, _)) => self.ssd = 2.0 * self.template.len() as f64 * (1.0 - ncc),
             None => self.set_current(patch),
         }
         self.similarity()
     }
-    fn set_mask(&mut self, mask: &[f32]) {
-        self.weights.set_mask(mask);
-    }
-    fn weighted(&self) -> bool {
-        self.weights.used()
-    }
     fn similarity(&self) -> f64 {
         -0.5 * self.ssd
+    }
+    fn likelihood(&self) -> f64 {
+        libm::exp(-self.params.likelihood_alpha * self.ssd / self.template.len() as f64)
+    }
+    fn memory(&self) -> usize {
+        8 * self.template.capacity() + 4 * self.weighted.capacity() + self.weights.memory()
+    }
+    fn derivatives(&mut self) -> Option<&mut dyn Derivatives> {
+        Some(self)
+    }
+    fn distances(&self) -> Option<&dyn Distances> {
+        Some(self)
+    }
+    fn masking(&mut self) -> Option<&mut dyn Masking> {
+        Some(self)
+    }
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+}
+
+impl Derivatives for Zncc {
+    fn weighted(&mut self) -> bool {
+        self.weights.used()
     }
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         kernels::combine(self.factor(side) as f32, &self.residual, 0.0, &self.residual, out);
     }
     fn hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
-        scaled_gram(j, &self.weights, -self.inverse_deviation(side).powi(2), h);
+        self.weights.gram(j, -self.inverse_deviation(side).powi(2), h);
     }
     fn self_hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
-        scaled_gram(j, &self.weights, -self.inverse_deviation(side).powi(2), h);
+        self.weights.gram(j, -self.inverse_deviation(side).powi(2), h);
     }
     fn linearise(
         &mut self,
@@ -204,17 +178,19 @@ impl AppearanceModel for Zncc {
         _scratch: &mut [f32],
         out: &mut Normal,
     ) {
-        least_squares(
+        self.weights.least_squares(
             j,
-            &self.weights,
             &self.residual,
             self.factor(side),
             -self.inverse_deviation(side).powi(2),
             out,
         );
     }
-    fn likelihood(&self) -> f64 {
-        libm::exp(-self.params.likelihood_alpha * self.ssd / self.template.len() as f64)
+}
+
+impl Distances for Zncc {
+    fn metric(&self) -> Metric {
+        Metric::SquaredL2
     }
     fn feature_len(&self) -> usize {
         self.template.len()
@@ -222,14 +198,20 @@ impl AppearanceModel for Zncc {
     fn feature_into(&self, patch: &[f32], out: &mut [f32]) {
         standardise(patch, out);
     }
-    fn reference(&self, template: &[f64], current: &[f64]) -> f64 {
+}
+
+impl Masking for Zncc {
+    fn set_mask(&mut self, mask: &[f32]) {
+        self.weights.set_mask(mask);
+    }
+}
+
+impl Reference for Zncc {
+    fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
         let ((mt, st), (mi, si)) = (self.template_stats, self.current_stats);
         let e = |t: f64, i: f64| (i - mi) * si - (t - mt) * st;
         -self
             .weights
             .reference(template.iter().zip(current).map(|(&t, &i)| e(t, i)))
-    }
-    fn memory(&self) -> usize {
-        8 * self.template.capacity() + 4 * self.weighted.capacity() + self.weights.memory()
     }
 }

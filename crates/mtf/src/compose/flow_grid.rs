@@ -7,7 +7,7 @@ use crate::flow::{Klt, KltParams, PointStatus, Tracked};
 use crate::geom::{Corners, homography};
 use crate::image::Frame;
 use crate::params::Params;
-use crate::ssm::StateSpaceModel;
+use crate::ssm::{self, StateSpaceModel};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use std::sync::Arc;
 
@@ -209,7 +209,7 @@ impl<S: StateSpaceModel> Tracker for FlowGrid<S> {
     }
 
     fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
-        self.nodes.ssm.place(x)
+        ssm::place(&self.nodes.ssm, x)
     }
 
     fn reseed(&mut self, seed: u64) {

@@ -10,7 +10,7 @@ use crate::flow::Texture;
 use crate::geom::{Corners, homography};
 use crate::image::Frame;
 use crate::params::{Params, Resolution, param_enum};
-use crate::ssm::StateSpaceModel;
+use crate::ssm::{self, StateSpaceModel};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -443,7 +443,7 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
     }
 
     fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
-        self.nodes.ssm.place(x)
+        ssm::place(&self.nodes.ssm, x)
     }
 
     fn reseed(&mut self, seed: u64) {

@@ -8,7 +8,7 @@ use crate::consensus::{Estimator, EstimatorParams};
 use crate::geom::{Corners, Mat3, homography};
 use crate::image::Frame;
 use crate::params::Resolution;
-use crate::ssm::StateSpaceModel;
+use crate::ssm::{self, StateSpaceModel};
 use crate::tracker::TrackError;
 
 crate::params! {
@@ -99,7 +99,7 @@ impl<S: StateSpaceModel> Nodes<S> {
     /// Puts the nodes on the base.
     fn spread(&mut self) -> Result<(), TrackError> {
         let square = Corners::rect(0.0, 0.0, 1.0, 1.0);
-        let place = homography::from_corners(&square, &self.ssm.base_corners())
+        let place = homography::from_corners(&square, &self.ssm.base().corners_in_image())
             .ok_or(TrackError::BadRegion("corners are not a convex quadrilateral"))?;
         let Resolution { cols, rows } = self.params.size;
         let cells = self.params.grid_cells;
@@ -122,7 +122,7 @@ impl<S: StateSpaceModel> Nodes<S> {
 
     /// Moves the nodes to the present state.
     fn follow(&mut self) -> Result<(), TrackError> {
-        self.matrix = homography::from_corners(&self.ssm.base_corners(), &self.ssm.corners())
+        self.matrix = homography::from_corners(&self.ssm.base().corners_in_image(), &self.ssm.corners())
             .ok_or(TrackError::Degenerate("region is not convex"))?;
         let mut now = std::mem::take(&mut self.now);
         now.clear();
@@ -133,9 +133,7 @@ impl<S: StateSpaceModel> Nodes<S> {
 
     /// Present place of a place `x` of the base, px.
     pub fn carry(&self, x: [f64; 2]) -> [f64; 2] {
-        self.ssm
-            .place(x)
-            .unwrap_or_else(|| homography::apply(&self.matrix, x))
+        ssm::place(&self.ssm, x).unwrap_or_else(|| homography::apply(&self.matrix, x))
     }
 
     pub fn base(&self) -> &[[f64; 2]] {
@@ -239,7 +237,7 @@ impl<S: StateSpaceModel> Nodes<S> {
         }
         self.before.clear();
         self.before.extend_from_slice(self.ssm.state());
-        self.ssm.estimate(&mut self.estimator, &self.from, &self.to)?;
+        ssm::estimate(&mut self.ssm, &mut self.estimator, &self.from, &self.to)?;
         let huge = self.ssm.corners().outgrow(frame.width(), frame.height());
         if huge || self.follow().is_err() {
             self.ssm.set_state(&self.before)?;

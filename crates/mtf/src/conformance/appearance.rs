@@ -2,7 +2,7 @@
 
 use super::scene::{GRID, pair, patch, rng};
 use super::{Checks, Report, Worst, boxed};
-use crate::am::{AmEntry, AppearanceModel, PatchShape, Side};
+use crate::am::{AmEntry, AppearanceModel, Distances, PatchShape, Side, begin_frame};
 use crate::diagnose::{self, PatchPair, Waves};
 use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::ilm::IlmEntry;
@@ -12,7 +12,7 @@ use rand::RngExt;
 /// Checks one appearance model, with one channel and with three.
 ///
 /// Derivatives with respect to pixels and Hessians along random directions are compared with differences of
-/// [`AppearanceModel::reference`], with the row's plain assignments; everything else holds for the defaults.
+/// [`AppearanceModel::reference`], with its plain assignments; everything else holds for the defaults.
 pub fn appearance(entry: &AmEntry) -> Report {
     let mut checks = Checks::new(entry.name);
     for channels in [1, 3] {
@@ -20,8 +20,10 @@ pub fn appearance(entry: &AmEntry) -> Report {
             let (pair, place) = (pair(channels, seed), place(channels, seed));
             checks.diagnosis(diagnose::appearance(entry, &pair, 5, seed), &place);
             let built = [&[][..]; 2].map(|a| started(&mut checks, entry, a, &pair));
-            let [Some(am), Some(twin)] = built else { continue };
-            if !am.similarity_is_merit() {
+            let [Some(mut am), Some(twin)] = built else {
+                continue;
+            };
+            if centres(&mut *am) {
                 centred(&mut checks, entry, &pair, &place);
             }
             scores(&mut checks, am.clone(), &pair, &place);
@@ -105,30 +107,38 @@ fn scores(checks: &mut Checks, mut am: Box<dyn AppearanceModel>, pair: &PatchPai
     );
 }
 
+/// Whether the model has centred gradients, which do not climb its similarity.
+fn centres(am: &mut dyn AppearanceModel) -> bool {
+    am.derivatives().is_some_and(|d| !d.similarity_is_merit())
+}
+
 /// Perfect alignment is the maximum, where the gradient vanishes.
 fn alignment(checks: &mut Checks, mut am: Box<dyn AppearanceModel>, pair: &PatchPair, place: &str) {
     let n = pair.shape.len();
     let (f, likelihood) = (am.similarity(), am.likelihood());
     let sound = f.is_finite() && likelihood < 1.0;
     checks.holds(format!("likelihood below 1 off alignment, {place}"), sound);
-    am.begin_frame();
+    begin_frame(&mut am);
     am.set_current(&pair.template);
     // Models that centre their gradients do so because this does not hold for them in general.
-    let larger = am.similarity() > f || !am.similarity_is_merit();
+    let larger = am.similarity() > f || centres(&mut *am);
     checks.holds(format!("similarity largest at alignment, {place}"), larger);
     let larger = am.likelihood() > likelihood;
     checks.holds(format!("likelihood largest at alignment, {place}"), larger);
     let off = (am.likelihood() - 1.0).abs();
     checks.at_most(format!("likelihood 1 at alignment, {place}"), off, 1e-4);
-    if !am.capabilities().derivatives {
-        return;
-    }
     let mut gradient = vec![0.0; n];
-    am.gradient_into(Side::Current, &mut gradient);
+    let Some(derivatives) = am.derivatives() else {
+        return;
+    };
+    derivatives.gradient_into(Side::Current, &mut gradient);
     let size = norm(&gradient);
-    am.begin_frame();
+    begin_frame(&mut am);
     am.set_current(&pair.current);
-    am.gradient_into(Side::Current, &mut gradient);
+    let Some(derivatives) = am.derivatives() else {
+        return;
+    };
+    derivatives.gradient_into(Side::Current, &mut gradient);
     let share = size / norm(&gradient);
     checks.at_most(format!("gradient 0 at alignment, {place}"), share, 1e-4);
 }
@@ -137,7 +147,9 @@ fn alignment(checks: &mut Checks, mut am: Box<dyn AppearanceModel>, pair: &Patch
 /// are minus the mixed second derivative of `f` at equal patches.
 fn centred(checks: &mut Checks, entry: &AmEntry, pair: &PatchPair, place: &str) {
     // Whatever else the plain assignments hold fixed is held here too.
-    let plain = entry.family.plain;
+    let Some(plain) = checks.succeeds("plain assignments", diagnose::plain(entry)) else {
+        return;
+    };
     let centred: Vec<_> = plain
         .iter()
         .map(|&(k, v)| (k, if k == "centred" { "1" } else { v }))
@@ -151,7 +163,9 @@ fn centred(checks: &mut Checks, entry: &AmEntry, pair: &PatchPair, place: &str) 
         let mut g = vec![f32::NAN; n];
         if am.set_template(pair.shape, template).is_ok() {
             am.set_current(current);
-            am.gradient_into(side, &mut g);
+            if let Some(derivatives) = am.derivatives() {
+                derivatives.gradient_into(side, &mut g);
+            }
         }
         g
     };
@@ -192,12 +206,15 @@ fn centred(checks: &mut Checks, entry: &AmEntry, pair: &PatchPair, place: &str) 
         };
         let h = 1e-3;
         let mixed = |a: usize, b: usize| {
-            let f = |s: f64, t: f64| plain.reference(&moved(a, s * h), &moved(b, t * h));
+            let f = |s: f64, t: f64| diagnose::similarity_of(&*plain, &moved(a, s * h), &moved(b, t * h));
             (f(1.0, 1.0) - f(1.0, -1.0) - f(-1.0, 1.0) + f(-1.0, -1.0)) / (4.0 * h * h)
         };
         let (mut own_hessian, mut standard) = (SymMatrix::new(dof), SymMatrix::new(dof));
-        am.self_hessian_into(side, &j, &mut own_hessian);
-        am.hessian_into(side, &j, &mut standard);
+        let Some(derivatives) = am.derivatives() else {
+            return;
+        };
+        derivatives.self_hessian_into(side, &j, &mut own_hessian);
+        derivatives.hessian_into(side, &j, &mut standard);
         checks.holds(
             format!("both centred Hessians are one, {place}"),
             own_hessian == standard,
@@ -238,18 +255,22 @@ fn distances(checks: &mut Checks, entry: &AmEntry) {
     {
         return;
     }
-    let feature = |am: &dyn AppearanceModel, p: &[f32]| {
+    let feature = |am: &dyn Distances, p: &[f32]| {
         let mut f = vec![0.0; am.feature_len()];
         am.feature_into(p, &mut f);
         f
     };
-    let stored = feature(&*am, &template);
+    // Models need not measure distances.
+    let Some(distances) = am.distances() else { return };
+    let stored = feature(distances, &template);
     let mut pairs: Vec<(f64, f32)> = (0..20)
         .map(|_| {
             let p = seen(r.random_range(-6.0..6.0), r.random_range(0.8..1.2));
-            am.begin_frame();
+            begin_frame(&mut am);
             am.set_current(&p);
-            let distance = am.distance(&feature(&*am, &p), &stored, f32::INFINITY);
+            let distance = am.distances().map_or(f32::NAN, |model| {
+                model.distance(&feature(model, &p), &stored, f32::INFINITY)
+            });
             (am.similarity(), distance)
         })
         .collect();
@@ -298,13 +319,15 @@ fn without_content(checks: &mut Checks, entry: &AmEntry) {
         am.set_current(&flat);
         let mut all = vec![am.similarity() as f32, am.likelihood() as f32];
         let mut out = vec![f32::NAN; n];
-        if am.capabilities().derivatives {
-            am.gradient_into(Side::Current, &mut out);
+        if let Some(derivatives) = am.derivatives() {
+            derivatives.gradient_into(Side::Current, &mut out);
             all.extend(&out);
         }
-        let mut out = vec![f32::NAN; am.feature_len()];
-        am.feature_into(&flat, &mut out);
-        all.extend(&out);
+        if let Some(distances) = am.distances() {
+            let mut out = vec![f32::NAN; distances.feature_len()];
+            distances.feature_into(&flat, &mut out);
+            all.extend(&out);
+        }
         let finite = all.iter().all(|v| v.is_finite());
         checks.holds(format!("finite on a patch of {level}, {loss:?}"), finite);
     }

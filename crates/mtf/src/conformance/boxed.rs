@@ -3,11 +3,11 @@
 
 use super::scene::{GRID, QUAD, Scene, distance};
 use super::{Checks, Worst};
-use crate::am::{AppearanceModel, Side};
+use crate::am::{self, AppearanceModel, Capabilities, Side};
 use crate::diagnose::PatchPair;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::Jacobian;
-use crate::ssm::{Increment, StateSpaceModel};
+use crate::ssm::{self, Increment, StateSpaceModel};
 use crate::tracker::Tracker;
 
 /// A model with another box around it: what calls it goes through the box's own implementation.
@@ -30,20 +30,24 @@ pub(super) fn appearance(
         let n = pair.shape.len();
         let mut out = Vec::new();
         am.set_template(pair.shape, &pair.template).ok()?;
-        am.begin_frame();
+        am::begin_frame(&mut am);
         am.set_current(&pair.current);
-        let capabilities = am.capabilities();
+        let (capabilities, properties) = (Capabilities::of(&mut *am), am.properties());
         out.extend([am.similarity(), am.likelihood(), am.memory() as f64]);
         let facts = [
-            am.similarity_is_merit(),
-            am.tracks_alone(),
-            am.weighted(),
-            am.needs_learning(),
+            properties.tracks_alone,
+            properties.symmetric,
+            properties.gain_bias_invariant,
             capabilities.derivatives,
+            capabilities.metric.is_some(),
             capabilities.masks,
+            am.per_frame().is_some(),
+            am.learner().is_some_and(|model| model.needs_learning()),
+            am.reference().is_some(),
         ];
         out.extend(facts.map(|b| f64::from(u8::from(b))));
-        if capabilities.derivatives {
+        if let Some(am) = am.derivatives() {
+            out.extend([am.similarity_is_merit(), am.weighted()].map(|b| f64::from(u8::from(b))));
             let mut j = Jacobian::new(n, 2);
             for k in 0..2 {
                 let column = j.col_mut(k).iter_mut().enumerate();
@@ -61,14 +65,17 @@ pub(super) fn appearance(
                 out.extend((0..4).map(|i| h.get(i / 2, i % 2)));
             }
         }
-        let features = [&pair.template, &pair.current].map(|p| {
-            let mut f = vec![0.0; am.feature_len()];
-            am.feature_into(p, &mut f);
-            f
-        });
-        out.push(am.distance(&features[1], &features[0], f32::INFINITY).into());
+        if let Some(am) = am.distances() {
+            let features = [&pair.template, &pair.current].map(|p| {
+                let mut f = vec![0.0; am.feature_len()];
+                am.feature_into(p, &mut f);
+                f
+            });
+            out.push(am.distance(&features[1], &features[0], f32::INFINITY).into());
+        }
         out.push(am.score(&pair.template));
-        out.push(f64::from(u8::from(am.learn(&pair.current))));
+        let learned = am.learner().is_some_and(|model| model.learn(&pair.current));
+        out.push(f64::from(u8::from(learned)));
         am.set_current(&pair.current);
         out.push(am.similarity());
         Some(out)
@@ -88,25 +95,41 @@ pub(super) fn state_space(
         let p: Vec<f64> = (0..s).map(|k| 0.02 * ((k * 5 % 7) as f64 - 3.0)).collect();
         let before = (ssm.corners(), ssm.state().to_vec());
         ssm.set_state(&p).ok()?;
-        let mut out = vec![ssm.motion_squared(&before.0, &before.1), ssm.memory() as f64];
-        ssm.begin_frame();
+        let mut out = vec![
+            ssm::motion_squared(&*ssm, &before.0, &before.1),
+            ssm.memory() as f64,
+            ssm.base().radius,
+        ];
+        let offers = [
+            ssm.second_order().is_some(),
+            ssm.matrix_group().is_some(),
+            ssm.non_rigid().is_some(),
+            ssm.estimable().is_some(),
+            ssm.reference().is_some(),
+        ];
+        out.extend(offers.map(|b| f64::from(u8::from(b))));
+        ssm::begin_frame(&*ssm);
         if ssm.capabilities().compositional {
             ssm.update(Increment::Compositional, &p).ok()?;
         }
         out.extend(ssm.corners().to_array());
-        out.extend(ssm.place([100.0, 90.0]).into_iter().flatten());
-        let mut mean = vec![0.0; s];
-        let two = [vec![0.0; s], p].concat();
-        ssm.group_mean_into(&two, &[1.0, 2.0], &mut mean).ok()?;
-        out.extend(&mean);
-        let (mut gradient, mut hessian) = (vec![1.0; s], SymMatrix::new(s));
-        ssm.regularise(&mut gradient, &mut hessian);
-        out.extend(&gradient);
-        out.extend((0..s).map(|k| hessian.get(k, k)));
-        let n = ssm.grid().x.len();
-        let (mut x, mut y) = (vec![0.0; n], vec![0.0; n]);
-        ssm.warp_offset_into([0.1, -0.05], &mut x, &mut y);
-        out.extend(x.iter().chain(&y).map(|&v| f64::from(v)));
+        out.extend(ssm::place(&*ssm, [100.0, 90.0]).into_iter().flatten());
+        if let Some(warp) = ssm.non_rigid() {
+            let (mut gradient, mut hessian) = (vec![1.0; s], SymMatrix::new(s));
+            warp.regularise(&mut gradient, &mut hessian);
+            out.extend(&gradient);
+            out.extend((0..s).map(|k| hessian.get(k, k)));
+        }
+        if let Some(group) = ssm.matrix_group() {
+            let mut mean = vec![0.0; s];
+            let two = [vec![0.0; s], p].concat();
+            group.mean_into(&two, &[1.0, 2.0], &mut mean).ok()?;
+            out.extend(&mean);
+            let n = ssm.base().grid().x.len();
+            let (mut x, mut y) = (vec![0.0; n], vec![0.0; n]);
+            group.warp_offset_into([0.1, -0.05], &mut x, &mut y);
+            out.extend(x.iter().chain(&y).map(|&v| f64::from(v)));
+        }
         Some(out)
     };
     same(checks, answers(bare), answers(wrap_ssm(other)));

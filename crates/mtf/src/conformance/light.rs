@@ -2,7 +2,7 @@
 
 use super::scene::{pair, rng};
 use super::{Checks, Report, Worst};
-use crate::diagnose::{PatchPair, random_light};
+use crate::diagnose::{self, PatchPair, random_light};
 use crate::ilm::{IlluminationModel, IlmEntry};
 use crate::kernels::Jacobian;
 
@@ -47,7 +47,7 @@ fn laws(checks: &mut Checks, entry: &IlmEntry, pair: &PatchPair, seed: u64) {
     }
     let seen = lit(&*light);
     let mut worst = Worst::default();
-    worst.add_all(&wide(&seen), &light.reference(&a, &wide(raw)));
+    worst.add_all(&wide(&seen), &diagnose::light_of(&*light, &a, &wide(raw)));
     checks.at_most(format!("light against the reference, {place}"), worst.0, 1e-3);
     let mut back = vec![f32::NAN; n];
     light.unlight(&seen, &mut back);
@@ -93,7 +93,7 @@ fn derivatives(checks: &mut Checks, light: &dyn IlluminationModel, raw: &[f32], 
     let (a, raw_wide) = (light.state().to_vec(), wide(raw));
     let moved = |a: &[f64], d: f64| {
         let x: Vec<f64> = raw_wide.iter().map(|v| v + d).collect();
-        light.reference(a, &x)
+        diagnose::light_of(light, a, &x)
     };
     let slope = |a: &[f64]| -> Vec<f64> {
         let (up, down) = (moved(a, 1.0), moved(a, -1.0));
@@ -115,8 +115,8 @@ fn derivatives(checks: &mut Checks, light: &dyn IlluminationModel, raw: &[f32], 
             a
         };
         let (up, down) = (
-            light.reference(&at(0.01), &raw_wide),
-            light.reference(&at(-0.01), &raw_wide),
+            diagnose::light_of(light, &at(0.01), &raw_wide),
+            diagnose::light_of(light, &at(-0.01), &raw_wide),
         );
         for ((u, d), &analytic) in up.iter().zip(&down).zip(j.col(k)) {
             let numeric = (u - d) / 0.02;

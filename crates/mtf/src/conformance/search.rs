@@ -174,7 +174,7 @@ impl<'a> Case<'a> {
     fn tracks_alone(&self) -> bool {
         let entry = self.registry.ams().iter().find(|e| e.name == self.am);
         let model = entry.and_then(|e| (e.build)(&[]).ok());
-        model.is_some_and(|am| am.tracks_alone())
+        model.is_some_and(|am| am.properties().tracks_alone)
     }
 
     /// With this appearance model: everything.

@@ -50,13 +50,17 @@ fn random_state(dof: usize, size: f64, r: &mut Pcg64) -> Vec<f64> {
 }
 
 fn points(ssm: &dyn StateSpaceModel) -> Vec<[f64; 2]> {
-    (0..RES.len()).map(|i| ssm.point(i)).collect()
+    (0..RES.len()).map(|i| diagnose::point(ssm, i)).collect()
 }
 
 /// Any quadrilateral is represented exactly.
 fn start(checks: &mut Checks, ssm: &dyn StateSpaceModel) {
     checks.at_most("corners at the start", distance(&ssm.corners(), &REGION), 1e-10);
-    checks.at_most("base corners", distance(&ssm.base_corners(), &REGION), 1e-10);
+    checks.at_most(
+        "base corners",
+        distance(&ssm.base().corners_in_image(), &REGION),
+        1e-10,
+    );
     let (mut x, mut y) = (vec![0.0; RES.len()], vec![0.0; RES.len()]);
     ssm.warp_into(&mut x, &mut y);
     let mut worst = Worst::default();
@@ -151,7 +155,7 @@ fn composition(checks: &mut Checks, ssm: &mut dyn StateSpaceModel) {
 /// Laws of warps that are linear in their state and do not compose.
 fn linearity(checks: &mut Checks, ssm: &mut dyn StateSpaceModel) {
     let (s, caps) = (ssm.dof(), ssm.capabilities());
-    let sound = !caps.group && caps.estimable;
+    let sound = !caps.group && ssm.estimable().is_some();
     checks.holds("capabilities of a warp that does not compose", sound);
     let mut r = rng(7);
     let [
@@ -243,7 +247,7 @@ fn refusals(checks: &mut Checks, ssm: &mut dyn StateSpaceModel) {
 /// A new base keeps the grid on the object.
 fn new_base(checks: &mut Checks, ssm: &mut dyn StateSpaceModel) {
     let grid = |ssm: &dyn StateSpaceModel| -> Vec<[f64; 2]> {
-        let g = ssm.grid();
+        let g = ssm.base().grid();
         g.x.iter()
             .zip(g.y)
             .map(|(&x, &y)| [f64::from(x), f64::from(y)])
@@ -395,7 +399,7 @@ fn algebra<W: ProjectiveModel>(
         worst.fit.add_all(&fitted, p);
     }
     let corners = ssm.corners_at(p);
-    ssm.fit_into(&ssm.base_corners().0, &corners.0, &mut fitted)
+    ssm.fit_into(&ssm.base().corners_in_image().0, &corners.0, &mut fitted)
         .ok()?;
     worst.fit.add_all(&fitted, p);
     Some(())

@@ -1,6 +1,9 @@
 //! Derivatives with illumination models.
 
-use super::{Check, DiagnoseError, PatchPair, failed, relative, relative_matrix, wide};
+use super::{
+    Check, DiagnoseError, PatchPair, derivatives, failed, light_of, plain, relative, relative_matrix,
+    similarity_of, wide,
+};
 use crate::am::{AmEntry, Side};
 use crate::geom::solve::SymMatrix;
 use crate::ilm::{IlluminationModel, IlmEntry};
@@ -32,8 +35,8 @@ pub fn illumination(
     seed: u64,
 ) -> Result<Vec<Check>, DiagnoseError> {
     let subject = format!("{}+{}", am.name, ilm.name);
-    let mut model = (am.build)(am.family.plain)?;
-    let Some(mut light) = (ilm.build)(&[])?.filter(|_| model.capabilities().derivatives) else {
+    let mut model = (am.build)(plain(am)?)?;
+    let Some(mut light) = (ilm.build)(&[])?.filter(|_| model.derivatives().is_some()) else {
         return Ok(Vec::new());
     };
     light.init(pair.shape, false).map_err(failed(&subject))?;
@@ -73,7 +76,7 @@ pub fn illumination(
                     .for_each(|(x, &v)| *x += d * f64::from(v)),
             }
         }
-        model.reference(&template, &light.reference(&a, &x))
+        similarity_of(&*model, &template, &light_of(&*light, &a, &x))
     };
     let numeric: Vec<f64> = (0..total)
         .map(|k| (f(&[(k, 1e-4)]) - f(&[(k, -1e-4)])) / 2e-4)
@@ -88,11 +91,11 @@ pub fn illumination(
     });
 
     let mut weights = vec![0.0; n];
-    model.gradient_into(Side::Current, &mut weights);
+    derivatives(&mut model)?.gradient_into(Side::Current, &mut weights);
     let mut gradient = vec![0.0; total];
     kernels::project(&j, &weights, &mut gradient);
     let mut hessian = SymMatrix::new(total);
-    model.hessian_into(Side::Current, &j, &mut hessian);
+    derivatives(&mut model)?.hessian_into(Side::Current, &j, &mut hessian);
     for k in 0..light.dof() {
         let Some(w) = light.mixed(k) else { continue };
         for p in 0..dof {

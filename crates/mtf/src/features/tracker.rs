@@ -5,7 +5,7 @@ use crate::consensus::{Estimator, EstimatorParams};
 use crate::geom::{Corners, Mat3, homography};
 use crate::image::Frame;
 use crate::kernels::{Bits, hamming};
-use crate::ssm::StateSpaceModel;
+use crate::ssm::{self, StateSpaceModel};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 
 crate::params! {
@@ -160,12 +160,12 @@ impl<S: StateSpaceModel> FeatureTracker<S> {
 
     /// Fits the warp to the matches, looks again for every key point near where that puts it, and fits again.
     fn fit(&mut self, frame: &Frame, least: usize) -> Result<Detection, TrackError> {
-        self.ssm.estimate(&mut self.estimator, &self.from, &self.to)?;
+        ssm::estimate(&mut self.ssm, &mut self.estimator, &self.from, &self.to)?;
         self.judge(frame, least)?;
         let mut visible = 0;
         for reach in REACHES {
             visible = self.match_near(frame, reach)?;
-            self.ssm.estimate(&mut self.estimator, &self.from, &self.to)?;
+            ssm::estimate(&mut self.ssm, &mut self.estimator, &self.from, &self.to)?;
         }
         self.judge(frame, least)?;
         let inliers = self.agreeing()?;
@@ -196,7 +196,7 @@ impl<S: StateSpaceModel> FeatureTracker<S> {
     /// the scale it should have there. Returns how many of these lie in the frame.
     fn match_near(&mut self, frame: &Frame, reach: f64) -> Result<usize, TrackError> {
         let warp = Carry::new(&self.ssm)?;
-        let zoom = (self.ssm.corners().signed_area() / self.ssm.base_corners().signed_area())
+        let zoom = (self.ssm.corners().signed_area() / self.ssm.base().corners_in_image().signed_area())
             .abs()
             .sqrt();
         let rise = 3.0 * libm::log2(zoom);
@@ -257,7 +257,7 @@ impl<S: StateSpaceModel> FeatureTracker<S> {
 
     /// Puts the template's key points into the base of the warp.
     fn settle(&mut self) -> Result<(), TrackError> {
-        let carry = homography::from_corners(&self.learnt, &self.ssm.base_corners())
+        let carry = homography::from_corners(&self.learnt, &self.ssm.base().corners_in_image())
             .ok_or(TrackError::BadRegion("corners are not a convex quadrilateral"))?;
         self.base.clear();
         let places = self.points.iter().map(|p| p.at.map(f64::from));
@@ -271,12 +271,12 @@ struct Carry(Mat3);
 
 impl Carry {
     fn new<S: StateSpaceModel>(ssm: &S) -> Result<Self, TrackError> {
-        let m = homography::from_corners(&ssm.base_corners(), &ssm.corners());
+        let m = homography::from_corners(&ssm.base().corners_in_image(), &ssm.corners());
         m.map(Carry).ok_or(TrackError::Degenerate("region is not convex"))
     }
 
     fn apply<S: StateSpaceModel>(&self, ssm: &S, x: [f64; 2]) -> [f64; 2] {
-        ssm.place(x).unwrap_or_else(|| homography::apply(&self.0, x))
+        ssm::place(ssm, x).unwrap_or_else(|| homography::apply(&self.0, x))
     }
 }
 
@@ -356,7 +356,7 @@ impl<S: StateSpaceModel> Tracker for FeatureTracker<S> {
     }
 
     fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
-        self.ssm.place(x)
+        ssm::place(&self.ssm, x)
     }
 
     fn reseed(&mut self, seed: u64) {

@@ -100,11 +100,19 @@ pub trait IlluminationModel: Send {
         self.jacobian_into(raw, s, j);
     }
 
-    /// Slow `f64` definition of [`light`](Self::light) at any state.
-    fn reference(&self, a: &[f64], raw: &[f64]) -> Vec<f64>;
-
     /// Bytes kept between frames.
     fn memory(&self) -> usize;
+
+    /// Its slow definition, for derivative checks.
+    fn reference(&self) -> Option<&dyn Reference> {
+        None
+    }
+}
+
+/// The definition that derivative checks compare a model with.
+pub trait Reference {
+    /// Slow `f64` definition of [`light`](IlluminationModel::light) at any state `a`.
+    fn light_of(&self, a: &[f64], raw: &[f64]) -> Vec<f64>;
 }
 
 /// The family of illumination models.

@@ -110,7 +110,7 @@ impl Registry {
         };
         let values = tracker.own().1;
         let [sm_own, am_own, ilm_own, ssm_own] = parts.owners().map(|o| o.own(values));
-        let model = am.model(&am_own, self.ams())?.capabilities();
+        let model = Capabilities::of(&mut *am.model(&am_own, self.ams())?);
         if let Some(why) = (sm.family.refuses)(&sm_own, &model) {
             let able = |e: &SmEntry| (e.family.refuses)(&[], &model).is_none();
             // Where the method is able as it comes, one of its parameters is at fault, not the method.

@@ -8,7 +8,7 @@
 use super::fclk::initial_self;
 use super::gradient::{Hessian, LkMethod};
 use super::kit::Kit;
-use crate::am::{AppearanceModel, Normal, Side};
+use crate::am::{Normal, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::Jacobian;
 use crate::params::param_enum;
@@ -60,15 +60,15 @@ impl Symmetric {
         }
     }
 
-    pub(super) fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
+    pub(super) fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>) {
         initial_self(kit, JacobianKind::Template, (&mut self.j0, &mut self.initial));
         self.other.reset(kit.dof());
     }
 
     /// `current` and `template`: kinds of the two Jacobians.
-    pub(super) fn linearise<A: AppearanceModel, S: StateSpaceModel>(
+    pub(super) fn linearise<S: StateSpaceModel>(
         &mut self,
-        kit: &mut Kit<'_, A, S>,
+        kit: &mut Kit<'_, S>,
         current: JacobianKind,
         template: JacobianKind,
         out: &mut Normal,
@@ -140,14 +140,10 @@ impl LkMethod for EsmMethod {
     fn reads_gradient(_: Hessian) -> bool {
         true
     }
-    fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
+    fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>) {
         self.0.prepare(kit);
     }
-    fn linearise<A: AppearanceModel, S: StateSpaceModel>(
-        &mut self,
-        kit: &mut Kit<'_, A, S>,
-        out: &mut Normal,
-    ) {
+    fn linearise<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>, out: &mut Normal) {
         self.0
             .linearise(kit, JacobianKind::Warped, JacobianKind::Template, out);
     }
@@ -173,14 +169,10 @@ impl LkMethod for AesmMethod {
     fn reads_gradient(_: Hessian) -> bool {
         true
     }
-    fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
+    fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>) {
         self.0.prepare(kit);
     }
-    fn linearise<A: AppearanceModel, S: StateSpaceModel>(
-        &mut self,
-        kit: &mut Kit<'_, A, S>,
-        out: &mut Normal,
-    ) {
+    fn linearise<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>, out: &mut Normal) {
         self.0
             .linearise(kit, JacobianKind::Additive, JacobianKind::Approximate, out);
     }

@@ -3,7 +3,7 @@
 use super::fclk::{Constant, forward, initial_self};
 use super::gradient::{Hessian, LkMethod};
 use super::kit::Kit;
-use crate::am::{AppearanceModel, Normal};
+use crate::am::Normal;
 use crate::params::NoParams;
 use crate::ssm::{Increment, JacobianKind, StateSpaceModel};
 
@@ -29,17 +29,13 @@ impl LkMethod for FalkMethod {
     fn reads_gradient(_: Hessian) -> bool {
         true
     }
-    fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
+    fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>) {
         if kit.hess == Hessian::InitialSelf {
             let (j0, h) = &mut self.initial;
             initial_self(kit, JacobianKind::Template, (j0, h));
         }
     }
-    fn linearise<A: AppearanceModel, S: StateSpaceModel>(
-        &mut self,
-        kit: &mut Kit<'_, A, S>,
-        out: &mut Normal,
-    ) {
+    fn linearise<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>, out: &mut Normal) {
         forward(kit, JacobianKind::Additive, &mut self.initial, out);
     }
     fn memory(&self) -> usize {

@@ -3,7 +3,7 @@
 
 use super::gradient::{Hessian, LkMethod};
 use super::kit::Kit;
-use crate::am::{AppearanceModel, Normal, Side};
+use crate::am::{Normal, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::Jacobian;
 use crate::params::NoParams;
@@ -13,8 +13,8 @@ use crate::ssm::{Increment, JacobianKind, StateSpaceModel};
 pub(super) type Constant = (Jacobian, SymMatrix);
 
 /// Self Hessian of the template with its own Jacobian: the constant Hessian of type `initial_self`.
-pub(super) fn initial_self<A: AppearanceModel, S: StateSpaceModel>(
-    kit: &mut Kit<'_, A, S>,
+pub(super) fn initial_self<S: StateSpaceModel>(
+    kit: &mut Kit<'_, S>,
     kind: JacobianKind,
     (j0, h): (&mut Jacobian, &mut SymMatrix),
 ) {
@@ -24,8 +24,8 @@ pub(super) fn initial_self<A: AppearanceModel, S: StateSpaceModel>(
 }
 
 /// One forward linearisation, additive or compositional.
-pub(super) fn forward<A: AppearanceModel, S: StateSpaceModel>(
-    kit: &mut Kit<'_, A, S>,
+pub(super) fn forward<S: StateSpaceModel>(
+    kit: &mut Kit<'_, S>,
     kind: JacobianKind,
     initial: &mut Constant,
     out: &mut Normal,
@@ -63,17 +63,13 @@ impl LkMethod for FclkMethod {
     fn reads_gradient(_: Hessian) -> bool {
         true
     }
-    fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
+    fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>) {
         if kit.hess == Hessian::InitialSelf {
             let (j0, h) = &mut self.initial;
             initial_self(kit, JacobianKind::Template, (j0, h));
         }
     }
-    fn linearise<A: AppearanceModel, S: StateSpaceModel>(
-        &mut self,
-        kit: &mut Kit<'_, A, S>,
-        out: &mut Normal,
-    ) {
+    fn linearise<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>, out: &mut Normal) {
         forward(kit, JacobianKind::Warped, &mut self.initial, out);
     }
     fn memory(&self) -> usize {

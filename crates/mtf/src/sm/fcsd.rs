@@ -6,7 +6,7 @@
 use super::fclk::{Constant, forward, initial_self};
 use super::gradient::{Hessian, LkMethod, dot};
 use super::kit::Kit;
-use crate::am::{AppearanceModel, Normal};
+use crate::am::Normal;
 use crate::ssm::{Increment, JacobianKind, StateSpaceModel};
 
 crate::params! {
@@ -42,18 +42,14 @@ impl LkMethod for FcsdMethod {
     fn reads_gradient(_: Hessian) -> bool {
         true
     }
-    fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
+    fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>) {
         self.direction = vec![0.0; kit.dof()];
         if kit.hess == Hessian::InitialSelf {
             let (j0, h) = &mut self.initial;
             initial_self(kit, JacobianKind::Template, (j0, h));
         }
     }
-    fn linearise<A: AppearanceModel, S: StateSpaceModel>(
-        &mut self,
-        kit: &mut Kit<'_, A, S>,
-        out: &mut Normal,
-    ) {
+    fn linearise<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>, out: &mut Normal) {
         forward(kit, JacobianKind::Warped, &mut self.initial, out);
         let h = &mut out.hessian;
         let s = h.order();

@@ -9,14 +9,14 @@ use super::mask::{Mask, MaskParams};
 use super::sampling::SamplingParams;
 use super::workspace::{Buffers, Workspace};
 use super::{SmEntry, SmFamily};
-use crate::am::{AppearanceModel, Capabilities, Normal};
+use crate::am::{self, AppearanceModel, Capabilities, Normal};
 use crate::geom::Corners;
-use crate::geom::solve::solve_negative;
+use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::ilm::IlluminationModel;
 use crate::image::{Frame, Image};
 use crate::params::{Assignment, Built, ParamError, ParamValue, Params, param_enum};
-use crate::ssm::{Increment, StateSpaceModel};
-use crate::tracker::{Stop, TrackError, Tracker, Update};
+use crate::ssm::{self, Increment, StateSpaceModel, motion_squared};
+use crate::tracker::{NeedsTruth, Stop, TrackError, Tracker, Update};
 
 param_enum! {
     /// Where the Hessian comes from. `J0`, `J`: Jacobian of the template, of the current patch.
@@ -47,6 +47,17 @@ param_enum! {
         Off = "0",
         /// Yes.
         On = "1",
+    }
+}
+
+impl Learning {
+    /// Whether `am` is to learn.
+    pub(super) fn wanted<A: AppearanceModel>(self, am: &mut A) -> bool {
+        match self {
+            Learning::Auto => am.learner().is_some_and(|model| model.needs_learning()),
+            Learning::Off => false,
+            Learning::On => true,
+        }
     }
 }
 
@@ -101,17 +112,13 @@ pub trait LkMethod: Send + Sized + 'static {
     /// Whether iterations read image gradients at the current points.
     fn reads_gradient(hess: Hessian) -> bool;
     /// Computes what stays constant while the template and the base frame do.
-    fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>);
+    fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>);
     /// Told which of its searches of a frame begins.
     fn begin_stage(&mut self, _stage: usize) {}
     /// Shown the frame with the patch and the state of the ground truth, before the search.
-    fn visit_truth<A: AppearanceModel, S: StateSpaceModel>(&mut self, _kit: &mut Kit<'_, A, S>) {}
+    fn visit_truth<S: StateSpaceModel>(&mut self, _kit: &mut Kit<'_, S>) {}
     /// Gradient and Hessian at the current state.
-    fn linearise<A: AppearanceModel, S: StateSpaceModel>(
-        &mut self,
-        kit: &mut Kit<'_, A, S>,
-        out: &mut Normal,
-    );
+    fn linearise<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>, out: &mut Normal);
     /// Bytes kept between frames.
     fn memory(&self) -> usize;
 }
@@ -142,6 +149,8 @@ pub struct Lk<M, A, S> {
 
 /// Largest RMS misfit, px, at which `set_region` keeps the base frame.
 pub(super) const KEEP_BASE: f64 = 0.5;
+/// What a gradient search says of a model without derivatives.
+const NO_DERIVATIVES: TrackError = TrackError::Unable("the appearance model has no derivatives");
 /// Damping bounds.
 const LAMBDA: std::ops::RangeInclusive<f64> = 1e-10..=1e10;
 
@@ -240,10 +249,10 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         &'a mut self,
         image: &'a Image,
         buffers: &'a mut Buffers,
-    ) -> (&'a mut M, Kit<'a, A, S>, &'a mut Normal) {
+    ) -> Result<(&'a mut M, Kit<'a, S>, &'a mut Normal), TrackError> {
         let hess = self.hess();
         let kit = Kit {
-            am: &mut self.am,
+            am: self.am.derivatives().ok_or(NO_DERIVATIVES)?,
             ssm: &mut self.ssm,
             hess,
             image,
@@ -254,7 +263,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
             buffers,
             light: self.light.as_mut(),
         };
-        (&mut self.method, kit, &mut self.normal)
+        Ok((&mut self.method, kit, &mut self.normal))
     }
 
     fn refuse_huge(&self, image: &Image) -> Result<(), TrackError> {
@@ -283,7 +292,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         let before = self.ssm.corners();
         match self.apply(image) {
             Ok(change) => {
-                let motion = self.ssm.motion_squared(&before, &self.accepted);
+                let motion = motion_squared(&self.ssm, &before, &self.accepted);
                 Ok(motion + change < self.params.epsilon)
             }
             Err(e) => {
@@ -302,35 +311,43 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
     }
 
     /// Gradient and Hessian at the sampled state, with the warp's own regularisation.
-    fn linearise(&mut self, image: &Image, ws: &mut Workspace) {
-        let (method, mut kit, normal) = self.kit(image, ws);
+    fn linearise(&mut self, image: &Image, ws: &mut Workspace) -> Result<(), TrackError> {
+        let (method, mut kit, normal) = self.kit(image, ws)?;
         method.linearise(&mut kit, normal);
         let Normal { gradient, hessian } = &mut self.normal;
+        let warp = self.ssm.non_rigid();
+        let regularise = |g: &mut [f64], h: &mut SymMatrix| {
+            if let Some(warp) = warp {
+                warp.regularise(g, h);
+            }
+        };
         match &mut self.light {
-            Some(light) => light.regularise(gradient, hessian, |g, h| self.ssm.regularise(g, h)),
-            None => self.ssm.regularise(gradient, hessian),
+            Some(light) => light.regularise(gradient, hessian, regularise),
+            None => regularise(gradient, hessian),
         }
+        Ok(())
     }
 
     /// What Levenberg-Marquardt wants to grow at the sampled state: `f`, or `-J (-H)⁻¹ J'` for models whose steps do not
     /// climb `f`. The latter linearises.
-    fn merit(&mut self, image: &Image, ws: &mut Workspace) -> f64 {
-        if self.am.similarity_is_merit() {
-            return self.am.similarity();
+    fn merit(&mut self, climbs: bool, image: &Image, ws: &mut Workspace) -> Result<f64, TrackError> {
+        if climbs {
+            return Ok(self.am.similarity());
         }
-        self.linearise(image, ws);
+        self.linearise(image, ws)?;
         let Normal { gradient, hessian } = &self.normal;
-        if solve_negative(hessian, 0.0, gradient, &mut self.delta, &mut ws.work) {
+        let solved = solve_negative(hessian, 0.0, gradient, &mut self.delta, &mut ws.work);
+        Ok(if solved {
             dot(gradient, &self.delta)
         } else {
             f64::NEG_INFINITY
-        }
+        })
     }
 
     fn search(&mut self, image: &Image, ws: &mut Workspace) -> Result<(Stop, u32), TrackError> {
         let gradient = M::reads_gradient(self.hess()) || self.params.second_order;
         let lm = self.params.leven_marq;
-        let climbs = self.am.similarity_is_merit();
+        let climbs = self.am.derivatives().ok_or(NO_DERIVATIVES)?.similarity_is_merit();
         let mut relaxation = Relaxation::default();
         let mut lambda = if lm { self.params.lm_init } else { 0.0 };
         let mut best = f64::NEG_INFINITY;
@@ -339,7 +356,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         while iterations < self.params.max_iters {
             iterations += 1;
             self.sample(image, ws, gradient)?;
-            let f = if lm { self.merit(image, ws) } else { best };
+            let f = if lm { self.merit(climbs, image, ws)? } else { best };
             if lm && iterations > 1 && (f.is_nan() || f < best) {
                 // Back to the accepted point; its normal equations still stand, only the damping grows.
                 lambda = (lambda * self.params.lm_factor).min(*LAMBDA.end());
@@ -354,7 +371,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
                 best = f;
                 self.accept();
                 if climbs || !lm {
-                    self.linearise(image, ws);
+                    self.linearise(image, ws)?;
                 } else {
                     self.accepted_normal.copy_from(&self.normal);
                 }
@@ -372,7 +389,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         if lm {
             // The last step has not been judged yet.
             self.sample(image, ws, gradient && !climbs)?;
-            let f = self.merit(image, ws);
+            let f = self.merit(climbs, image, ws)?;
             if f.is_nan() || f < best {
                 self.restore()?;
             }
@@ -384,9 +401,10 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
     fn visit_truth(&mut self, image: &Image, ws: &mut Workspace) -> Result<(), TrackError> {
         let truth = self.truth.take().ok_or(TrackError::NoTruth)?;
         self.ssm.fit_corners(&truth)?;
-        let seen = self.sample(image, ws, true).map(|()| {
-            let (method, mut kit, _) = self.kit(image, ws);
+        let seen = self.sample(image, ws, true).and_then(|()| {
+            let (method, mut kit, _) = self.kit(image, ws)?;
             method.visit_truth(&mut kit);
+            Ok(())
         });
         self.ssm.set_state(&self.accepted)?;
         seen
@@ -408,17 +426,16 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
     }
 
     /// Shows the model the patch at the final location, if it is to learn.
-    fn learn(&mut self, image: &Image, ws: &mut Workspace) {
-        let wanted = match self.params.enable_learning {
-            Learning::Auto => self.am.needs_learning(),
-            Learning::Off => false,
-            Learning::On => true,
-        };
+    fn learn(&mut self, image: &Image, ws: &mut Workspace) -> Result<(), TrackError> {
         // A last step that ended outside the image teaches nothing.
-        if wanted && self.sample(image, ws, false).is_ok() && self.am.learn(&ws.values) {
-            let (method, mut kit, _) = self.kit(image, ws);
+        if !self.params.enable_learning.wanted(&mut self.am) || self.sample(image, ws, false).is_err() {
+            return Ok(());
+        }
+        if self.am.learner().is_some_and(|model| model.learn(&ws.values)) {
+            let (method, mut kit, _) = self.kit(image, ws)?;
             method.prepare(&mut kit);
         }
+        Ok(())
     }
 
     fn sample(&mut self, image: &Image, ws: &mut Workspace, gradient: bool) -> Result<(), TrackError> {
@@ -500,10 +517,13 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         self.started = false;
         let image = frame.with_channels(self.channels());
         self.ssm.init(corners, self.sampling.res)?;
+        if self.params.second_order && self.ssm.second_order().is_none() {
+            return Err(TrackError::Unable("the warp has no second-order terms"));
+        }
         self.refuse_huge(image)?;
         let shape = self.sampling.shape();
         if let Some(light) = &mut self.light {
-            let relative = self.am.capabilities().gain_bias_invariant;
+            let relative = self.am.properties().gain_bias_invariant;
             light.start(shape, relative, self.ssm.dof())?;
         }
         let s = self.dof();
@@ -523,8 +543,8 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
             light.set_template(&b.values);
         }
         self.masking = Mask::new(self.mask.clone());
-        self.masking.start(shape, b, &self.am);
-        let mut r = self.ssm.radius() as f32;
+        self.masking.start(shape, b, &mut self.am)?;
+        let mut r = self.ssm.base().radius as f32;
         if self.params.second_order {
             self.sampling.sample_hessian(image, b);
         }
@@ -539,12 +559,12 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         scale(&b.gx, r, &mut self.template.gx);
         scale(&b.gy, r, &mut self.template.gy);
         if self.params.second_order {
-            let r = self.ssm.radius() as f32;
+            let r = self.ssm.base().radius as f32;
             for (values, out) in b.hessian.iter().zip(&mut self.template.hessian) {
                 scale(values, r * r, out);
             }
         }
-        let (method, mut kit, _) = self.kit(image, &mut ws);
+        let (method, mut kit, _) = self.kit(image, &mut ws)?;
         method.prepare(&mut kit);
         self.started = true;
         Ok(())
@@ -558,12 +578,12 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         let mut ws = self.workspace();
         self.accept();
         self.masking.begin_frame();
-        self.ssm.begin_frame();
-        self.am.begin_frame();
+        ssm::begin_frame(&self.ssm);
+        am::begin_frame(&mut self.am);
         match self.run(image, &mut ws) {
             Ok((stop, iterations)) => {
                 let similarity = self.am.similarity();
-                self.learn(image, &mut ws);
+                self.learn(image, &mut ws)?;
                 Ok(Update {
                     corners: self.ssm.corners(),
                     stop,
@@ -591,10 +611,10 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
             return Ok(());
         }
         let from_new = self.ssm.rebase(corners)?;
-        self.template.carry(&from_new, self.ssm.grid());
+        self.template.carry(&from_new, self.ssm.base().grid());
         let image = Image::new(1, 1, self.channels());
         let mut ws = self.workspace();
-        let (method, mut kit, _) = self.kit(&image, &mut ws);
+        let (method, mut kit, _) = self.kit(&image, &mut ws)?;
         method.prepare(&mut kit);
         Ok(())
     }
@@ -604,15 +624,11 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
     }
 
     fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
-        self.ssm.place(x)
+        ssm::place(&self.ssm, x)
     }
 
-    fn needs_truth(&self) -> bool {
-        M::NEEDS_TRUTH
-    }
-
-    fn tell_truth(&mut self, corners: &Corners) {
-        self.truth = Some(*corners);
+    fn needs_truth(&mut self) -> Option<&mut dyn NeedsTruth> {
+        M::NEEDS_TRUTH.then_some(self as _)
     }
 
     fn channels(&self) -> usize {
@@ -628,6 +644,12 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
             + self.method.memory().max(4 * n * 8)
             + self.light.as_ref().map_or(0, Light::memory)
             + self.masking.memory()
+    }
+}
+
+impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> NeedsTruth for Lk<M, A, S> {
+    fn tell_truth(&mut self, corners: &Corners) {
+        self.truth = Some(*corners);
     }
 }
 

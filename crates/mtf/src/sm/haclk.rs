@@ -5,7 +5,7 @@
 
 use super::gradient::{Hessian, LkMethod};
 use super::kit::Kit;
-use crate::am::{AppearanceModel, Normal, Side};
+use crate::am::{Normal, Side};
 use crate::params::NoParams;
 use crate::ssm::{Increment, JacobianKind, StateSpaceModel};
 
@@ -32,18 +32,14 @@ impl LkMethod for HaclkMethod {
     fn reads_gradient(_: Hessian) -> bool {
         true
     }
-    fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
+    fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>) {
         self.truth.reset(kit.dof());
     }
-    fn visit_truth<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
+    fn visit_truth<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>) {
         kit.compute_jacobian(JacobianKind::Warped);
         kit.linearise(Side::Current, JacobianKind::Warped, &mut self.truth);
     }
-    fn linearise<A: AppearanceModel, S: StateSpaceModel>(
-        &mut self,
-        kit: &mut Kit<'_, A, S>,
-        out: &mut Normal,
-    ) {
+    fn linearise<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>, out: &mut Normal) {
         kit.compute_jacobian(JacobianKind::Warped);
         kit.gradient(Side::Current, &mut out.gradient);
         out.hessian.copy_from(&self.truth.hessian);

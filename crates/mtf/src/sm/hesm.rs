@@ -7,7 +7,7 @@
 use super::esm::{EsmParams, HESSIANS, Symmetric};
 use super::gradient::{Hessian, LkMethod};
 use super::kit::Kit;
-use crate::am::{AppearanceModel, Normal};
+use crate::am::Normal;
 use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::params::{Resolution, param_enum};
 use crate::ssm::{Affine, Increment, Isometry, JacobianKind, Similitude, StateSpaceModel, Translation};
@@ -69,7 +69,7 @@ impl HesmMethod {
         if simple.dof() >= ssm.dof() {
             simple = CoarseWarp::Translation.model();
         }
-        let base = ssm.base_corners();
+        let base = ssm.base().corners_in_image();
         simple.init(&base, Resolution { cols: 2, rows: 2 }).ok()?;
         let (mut p, mut ends) = (
             vec![0.0; simple.dof()],
@@ -129,7 +129,7 @@ impl LkMethod for HesmMethod {
     fn reads_gradient(_: Hessian) -> bool {
         true
     }
-    fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
+    fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>) {
         self.esm.prepare(kit);
         self.basis = Self::basis(self.coarse, kit.ssm).unwrap_or_default();
         if !self.basis.is_empty() {
@@ -148,11 +148,7 @@ impl LkMethod for HesmMethod {
     fn begin_stage(&mut self, stage: usize) {
         self.first = stage == 0;
     }
-    fn linearise<A: AppearanceModel, S: StateSpaceModel>(
-        &mut self,
-        kit: &mut Kit<'_, A, S>,
-        out: &mut Normal,
-    ) {
+    fn linearise<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>, out: &mut Normal) {
         self.esm
             .linearise(kit, JacobianKind::Warped, JacobianKind::Template, out);
         if self.first && !self.basis.is_empty() && self.coarse_step(out) {

@@ -6,7 +6,7 @@
 
 use super::gradient::{Hessian, LkMethod};
 use super::kit::Kit;
-use crate::am::{AppearanceModel, Normal, Side};
+use crate::am::{Normal, Side};
 use crate::params::NoParams;
 use crate::ssm::{Increment, JacobianKind, StateSpaceModel};
 
@@ -28,12 +28,8 @@ impl LkMethod for IalkMethod {
     fn reads_gradient(_: Hessian) -> bool {
         false
     }
-    fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, _: &mut Kit<'_, A, S>) {}
-    fn linearise<A: AppearanceModel, S: StateSpaceModel>(
-        &mut self,
-        kit: &mut Kit<'_, A, S>,
-        out: &mut Normal,
-    ) {
+    fn prepare<S: StateSpaceModel>(&mut self, _: &mut Kit<'_, S>) {}
+    fn linearise<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>, out: &mut Normal) {
         kit.compute_jacobian(JacobianKind::Approximate);
         kit.linearise(Side::Template, JacobianKind::Approximate, out);
         out.gradient.iter_mut().for_each(|g| *g = -*g);

@@ -4,7 +4,7 @@
 use super::fclk::initial_self;
 use super::gradient::{Hessian, LkMethod};
 use super::kit::Kit;
-use crate::am::{AppearanceModel, Normal, Side};
+use crate::am::{Normal, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::Jacobian;
 use crate::params::NoParams;
@@ -34,14 +34,10 @@ impl LkMethod for IclkMethod {
     fn reads_gradient(hess: Hessian) -> bool {
         hess == Hessian::CurrentSelf
     }
-    fn prepare<A: AppearanceModel, S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, A, S>) {
+    fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>) {
         initial_self(kit, JacobianKind::Template, (&mut self.j0, &mut self.initial));
     }
-    fn linearise<A: AppearanceModel, S: StateSpaceModel>(
-        &mut self,
-        kit: &mut Kit<'_, A, S>,
-        out: &mut Normal,
-    ) {
+    fn linearise<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>, out: &mut Normal) {
         kit.follow_template(&mut self.j0, &mut self.initial);
         match kit.hess {
             Hessian::Std => kit.linearise_with(Side::Template, JacobianKind::Template, &self.j0, out),

@@ -5,7 +5,7 @@
 //! their nearest samples (Hajebi et al. 2011), downhill from the best of some samples; `fgnn` is the same over a graph that is made
 //! from distances along the principal axes.
 
-use crate::am::{AppearanceModel, Metric};
+use crate::am::{AppearanceModel, Distances, Metric};
 use crate::kernels;
 use crate::params::param_enum;
 use crate::threads::in_shares;
@@ -96,12 +96,17 @@ const WORTH: usize = 1 << 18;
 const DEAR: usize = 32;
 
 impl<A: AppearanceModel> Judge<A> {
+    /// Of a model that has distances.
     pub fn new(am: A) -> Self {
         Judge {
             am,
             near: Nearest::new(1),
         }
     }
+}
+
+fn distances_of<A: AppearanceModel>(am: &A) -> &dyn Distances {
+    am.distances().expect("judges are made of models with distances")
 }
 
 /// Compares the query with `count` samples, `id` names them, and offers them in this order, whoever compares.
@@ -113,13 +118,14 @@ fn offer_all<A: AppearanceModel>(
     id: impl Fn(usize) -> usize + Sync,
     out: &mut Nearest,
 ) {
-    let price = match judges[0].am.capabilities().metric {
+    let first = distances_of(&judges[0].am);
+    let price = match first.metric() {
         Metric::Other => DEAR,
         Metric::SquaredL2 | Metric::L1 => 1,
     };
     if judges.len() == 1 || count * features.len * price < WORTH {
         for i in (0..count).map(id) {
-            out.offer(judges[0].am.distance(query, features.row(i), out.bound()), i);
+            out.offer(first.distance(query, features.row(i), out.bound()), i);
         }
         return;
     }
@@ -128,8 +134,9 @@ fn offer_all<A: AppearanceModel>(
         let Judge { am, near } = judge;
         near.k = known.k;
         near.found.clone_from(&known.found);
+        let distances = distances_of(am);
         for i in share.map(&id) {
-            near.offer(am.distance(query, features.row(i), near.bound()), i);
+            near.offer(distances.distance(query, features.row(i), near.bound()), i);
         }
     });
     for judge in judges {
@@ -382,8 +389,9 @@ impl Index {
             IndexKind::Gnn => {
                 let near = of_each(judges, n, |judge, i| {
                     let row = features.row(i);
+                    let model = distances_of(&judge.am);
                     let mut distances: Vec<(f32, usize)> = (0..n)
-                        .map(|j| (judge.am.distance(row, features.row(j), f32::INFINITY), j))
+                        .map(|j| (model.distance(row, features.row(j), f32::INFINITY), j))
                         .collect();
                     distances
                         .select_nth_unstable_by(wanted - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));

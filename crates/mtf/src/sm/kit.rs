@@ -5,7 +5,7 @@ use super::gradient::Hessian;
 use super::light::Light;
 use super::sampling::SamplingParams;
 use super::workspace::Buffers;
-use crate::am::{AppearanceModel, Curvature, Normal, Side};
+use crate::am::{Curvature, Derivatives, Normal, Side};
 use crate::geom::solve::SymMatrix;
 use crate::geom::{Mat3, homography};
 use crate::image::Image;
@@ -23,9 +23,9 @@ pub(super) struct Template {
 }
 
 /// What a method works with during one iteration.
-pub struct Kit<'a, A, S> {
-    /// Appearance model, its current patch set.
-    pub am: &'a mut A,
+pub struct Kit<'a, S> {
+    /// Derivatives of the appearance model, its current patch set.
+    pub am: &'a mut dyn Derivatives,
     /// Warp.
     pub ssm: &'a mut S,
     /// Chosen Hessian, never `Auto`.
@@ -39,7 +39,7 @@ pub struct Kit<'a, A, S> {
     pub(super) light: Option<&'a mut Light>,
 }
 
-impl<A: AppearanceModel, S: StateSpaceModel> Kit<'_, A, S> {
+impl<S: StateSpaceModel> Kit<'_, S> {
     fn gradients<'g>(gx: &'g [f32], gy: &'g [f32], c: usize, n: usize) -> Gradient<'g> {
         Gradient {
             x: &gx[c * n..(c + 1) * n],
@@ -179,6 +179,9 @@ impl<A: AppearanceModel, S: StateSpaceModel> Kit<'_, A, S> {
         if !self.second_order || self.curvature() != Curvature::Standard {
             return;
         }
+        let Some(terms) = self.ssm.second_order() else {
+            return;
+        };
         self.am.gradient_into(side, &mut self.buffers.scratch);
         self.buffers.scratch.iter_mut().for_each(|w| *w *= factor);
         if !kind.of_template() {
@@ -204,7 +207,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Kit<'_, A, S> {
                 xy: &xy[at.clone()],
                 yy: &yy[at.clone()],
             };
-            self.ssm.curvature_into(
+            terms.curvature_into(
                 kind,
                 &b.scratch[at],
                 Self::gradients(gx, gy, c, n),

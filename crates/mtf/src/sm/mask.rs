@@ -13,6 +13,7 @@ use super::workspace::Buffers;
 use crate::am::{AppearanceModel, PatchShape};
 use crate::kernels;
 use crate::params::param_enum;
+use crate::tracker::TrackError;
 
 param_enum! {
     /// Which points of the patch are used.
@@ -84,18 +85,31 @@ impl Mask {
     }
 
     /// Takes the template's patch; all points are in use. `am` has it as template.
-    pub fn start<A: AppearanceModel>(&mut self, shape: PatchShape, b: &Buffers, am: &A) {
+    pub fn start<A: AppearanceModel>(
+        &mut self,
+        shape: PatchShape,
+        b: &Buffers,
+        am: &mut A,
+    ) -> Result<(), TrackError> {
         if !self.selects() {
-            return;
+            return Ok(());
+        }
+        if am.masking().is_none() {
+            return Err(TrackError::Unable(
+                "the appearance model has no weights of single pixels",
+            ));
         }
         self.values = vec![1.0; shape.len()];
         self.of_template = Vec::new();
         match self.params.spi {
             PointRule::None => {}
             PointRule::Pixel => {
-                self.template = vec![0.0; am.feature_len()];
+                let distances = am
+                    .distances()
+                    .ok_or(TrackError::Unable("the appearance model has no feature"))?;
+                self.template = vec![0.0; distances.feature_len()];
                 self.current = self.template.clone();
-                am.feature_into(&b.values, &mut self.template);
+                distances.feature_into(&b.values, &mut self.template);
                 let low = self.template.iter().copied().fold(f32::INFINITY, f32::min);
                 let high = self.template.iter().copied().fold(f32::NEG_INFINITY, f32::max);
                 self.limit = self.params.spi_difference as f32 * (high - low);
@@ -115,6 +129,7 @@ impl Mask {
                 }
             }
         }
+        Ok(())
     }
 
     pub fn begin_frame(&mut self) {
@@ -131,7 +146,9 @@ impl Mask {
         match self.params.spi {
             PointRule::None => {}
             PointRule::Pixel => {
-                am.feature_into(&b.values, &mut self.current);
+                if let Some(distances) = am.distances() {
+                    distances.feature_into(&b.values, &mut self.current);
+                }
                 first.fill(1.0);
                 for (current, template) in self
                     .current
@@ -154,12 +171,11 @@ impl Mask {
             *v = v.max(*t);
         }
         let kept = kernels::sum(first);
-        if kept < (4 * dof) as f64 || kept < 0.1 * points as f64 {
-            am.set_mask(&[]);
-        } else {
-            rest.chunks_exact_mut(points)
-                .for_each(|c| c.copy_from_slice(first));
-            am.set_mask(&self.values);
+        let enough = kept >= (4 * dof) as f64 && kept >= 0.1 * points as f64;
+        rest.chunks_exact_mut(points)
+            .for_each(|c| c.copy_from_slice(first));
+        if let Some(model) = am.masking() {
+            model.set_mask(if enough { &self.values } else { &[] });
         }
     }
 

@@ -165,13 +165,13 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
         let (n, s) = (p.n_samples, self.probe.ssm.dof());
         let mut sampler = Sampler::new(p.perturb, p.unit, p.sigma.clone());
         sampler.check(&self.probe.ssm)?;
-        let len = self.probe.am.feature_len();
+        let len = self.probe.distances()?.feature_len();
         self.features = Features {
             values: vec![0.0; n * len],
             len,
         };
         self.increments = vec![0.0; n * s];
-        self.base = self.probe.ssm.base_corners();
+        self.base = self.probe.ssm.base().corners_in_image();
         self.regions = vec![self.base; n];
         let mut rng = Pcg64::seed_from_u64(self.seed);
         let (home, mut last) = (vec![0.0; s], vec![0.0; s]);
@@ -201,7 +201,7 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
             probe.ssm.set_state(state)?;
             // Whatever lies outside the image has the border's value, here as on every frame.
             let _ = probe.look(image, b);
-            probe.am.feature_into(&b.values, row);
+            probe.distances()?.feature_into(&b.values, row);
             Ok::<(), TrackError>(())
         };
         if self.threads == 1 {
@@ -228,9 +228,9 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
     /// Feature of the patch at the present state; its distance from the template's.
     fn ask(&mut self, image: &Image, b: &mut Buffers) -> Result<f32, TrackError> {
         self.probe.look(image, b)?;
-        let am = &self.probe.am;
-        am.feature_into(&b.values, &mut self.query);
-        let d = am.distance(&self.query, self.features.row(0), f32::INFINITY);
+        let distances = self.probe.distances()?;
+        distances.feature_into(&b.values, &mut self.query);
+        let d = distances.distance(&self.query, self.features.row(0), f32::INFINITY);
         if d.is_finite() {
             Ok(d)
         } else {
@@ -278,7 +278,7 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
             self.accepted.copy_from_slice(self.probe.ssm.state());
             self.probe.ssm.update(how, &self.delta)?;
             self.probe.check(image)?;
-            if self.probe.ssm.motion_squared(&before, &self.accepted) < self.params.epsilon {
+            if self.probe.settled(&before, &self.accepted, self.params.epsilon) {
                 stop = Stop::Converged;
                 break;
             }
@@ -301,7 +301,7 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Nn<A, S
         self.judges.resize_with(self.threads, judge);
         self.collect(image, &mut ws)?;
         let p = &self.params;
-        let kind = match (p.index, self.probe.am.capabilities().metric) {
+        let kind = match (p.index, self.probe.distances()?.metric()) {
             (IndexKind::Auto, Metric::SquaredL2) => IndexKind::Kd,
             (IndexKind::Auto, Metric::L1) => IndexKind::Linear,
             (IndexKind::Auto, Metric::Other) => IndexKind::Fgnn,
@@ -333,8 +333,7 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Nn<A, S
         self.probe.check_started()?;
         let image = frame.with_channels(self.channels());
         let mut ws = self.probe.workspace();
-        self.probe.ssm.begin_frame();
-        self.probe.am.begin_frame();
+        self.probe.begin_frame();
         self.accepted.copy_from_slice(self.probe.ssm.state());
         let found = self
             .search(image, &mut ws)
@@ -360,7 +359,7 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Nn<A, S
         }
         // Another base: what led from the first base to a region now leads from the new one to that region's image.
         let ssm = &self.probe.ssm;
-        let base = ssm.base_corners();
+        let base = ssm.base().corners_in_image();
         let carry = homography::from_corners(&self.base, &base)
             .ok_or(TrackError::BadRegion("corners are no convex quadrilateral"))?;
         let s = self.delta.len();
@@ -391,7 +390,8 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Nn<A, S
 
     fn memory(&self) -> usize {
         // Before `init` some models do not know the length of their feature; patches are of that order.
-        let len = self.probe.am.feature_len().max(self.probe.sampling.shape().len());
+        let feature = self.probe.am.distances().map_or(0, |d| d.feature_len());
+        let len = feature.max(self.probe.sampling.shape().len());
         let sample = 4 * len + 8 * (self.probe.ssm.dof() + 8);
         (1 + self.threads) * self.probe.memory() + self.params.n_samples * sample + self.index.memory()
     }
@@ -409,10 +409,10 @@ fn suits(assignments: &[Assignment<'_>], am: &Capabilities) -> Built<()> {
             allowed: format!("{allowed} with an appearance model whose distances are not those of vectors"),
         })
     };
-    if params.index == IndexKind::Kd && am.metric != Metric::SquaredL2 {
+    if params.index == IndexKind::Kd && am.metric != Some(Metric::SquaredL2) {
         return refused("index", params.index.text(), "auto, linear, gnn, fgnn");
     }
-    if params.neighbours > 1 && am.metric == Metric::Other {
+    if params.neighbours > 1 && am.metric == Some(Metric::Other) {
         return refused("neighbours", params.neighbours.text(), "1");
     }
     Ok(())
@@ -422,12 +422,17 @@ fn suits(assignments: &[Assignment<'_>], am: &Capabilities) -> Built<()> {
 pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
     "nn",
     "nearest neighbour among samples of the first frame",
-    |a, am, ssm| {
-        suits(a, &am.capabilities())?;
+    |a, mut am, ssm| {
+        suits(a, &Capabilities::of(&mut *am))?;
         let (sampling, params) = AllParams::from_assignments(a)?;
         Ok(Box::new(Nn::with_params(sampling, params, am, ssm)))
     },
     SmFamily {
+        refuses: |_, am| {
+            am.metric
+                .is_none()
+                .then_some("has no feature to measure distances by")
+        },
         suits,
         ..SmFamily::UNDEMANDING
     },

@@ -11,7 +11,7 @@ use super::resample::{Resampling, effective, resample, temper};
 use super::sampling::SamplingParams;
 use super::workspace::Buffers;
 use super::{SmEntry, SmFamily};
-use crate::am::AppearanceModel;
+use crate::am::{self, AppearanceModel};
 use crate::geom::Corners;
 use crate::image::{Frame, Image};
 use crate::params::{Params, param_enum};
@@ -256,7 +256,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
             |(k, ((probe, sampler), ((states, last), (sets, scores))))| {
                 // Each begins the frame as the tracker itself did.
                 if pass == 0 {
-                    probe.am.begin_frame();
+                    am::begin_frame(&mut probe.am);
                     if opened {
                         probe.am.set_current(patch);
                     }
@@ -387,7 +387,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
             if self.params.adapt_sets {
                 self.reward_sets();
             }
-            let settled = self.probe.ssm.motion_squared(&before, &self.before) < self.params.epsilon;
+            let settled = self.probe.settled(&before, &self.before, self.params.epsilon);
             let last = settled || pass + 1 == self.params.max_iters;
             if self.params.reset_to_mean {
                 if last && self.params.dynamics == Dynamics::Ar1 {
@@ -518,8 +518,7 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Pf<A, S
         self.probe.check_started()?;
         let image = frame.with_channels(self.channels());
         let mut ws = self.probe.workspace();
-        self.probe.ssm.begin_frame();
-        self.probe.am.begin_frame();
+        self.probe.begin_frame();
         self.frame_start.copy_from_slice(self.probe.ssm.state());
         // The first patch of a frame is the one at the old place: some models estimate the light from it.
         self.opened = self.probe.look(image, &mut ws).is_ok();
@@ -531,15 +530,12 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Pf<A, S
             .and_then(|done| Ok((done, self.probe.similarity(image, &mut ws)?)));
         match found {
             Ok(((stop, iterations), similarity)) => {
-                let learns = match self.params.enable_learning {
-                    Learning::Auto => self.probe.am.needs_learning(),
-                    Learning::Off => false,
-                    Learning::On => true,
-                };
-                if learns {
-                    self.probe.am.learn(&ws.values);
-                    for (probe, _) in &mut self.helpers {
-                        probe.am.learn(&ws.values);
+                if self.params.enable_learning.wanted(&mut self.probe.am) {
+                    let helpers = self.helpers.iter_mut().map(|(probe, _)| &mut probe.am);
+                    for model in std::iter::once(&mut self.probe.am).chain(helpers) {
+                        if let Some(learner) = model.learner() {
+                            learner.learn(&ws.values);
+                        }
                     }
                 }
                 Ok(Update {

@@ -3,10 +3,10 @@
 use super::gradient::{KEEP_BASE, check_template};
 use super::sampling::SamplingParams;
 use super::workspace::{Buffers, Workspace};
-use crate::am::AppearanceModel;
+use crate::am::{self, AppearanceModel, Distances};
 use crate::geom::{Corners, Mat3};
 use crate::image::Image;
-use crate::ssm::{Dynamics, Increment, Sampler, StateSpaceModel};
+use crate::ssm::{self, Dynamics, Increment, Sampler, StateSpaceModel};
 use crate::tracker::TrackError;
 use rand_pcg::Pcg64;
 
@@ -73,6 +73,24 @@ impl<A: AppearanceModel, S: StateSpaceModel> Probe<A, S> {
         }
     }
 
+    /// Distances between patches.
+    pub fn distances(&self) -> Result<&dyn Distances, TrackError> {
+        self.am.distances().ok_or(TrackError::Unable(
+            "the appearance model has no feature to measure distances by",
+        ))
+    }
+
+    /// Tells both models that a frame begins.
+    pub fn begin_frame(&mut self) {
+        ssm::begin_frame(&self.ssm);
+        am::begin_frame(&mut self.am);
+    }
+
+    /// Whether the region has moved less than `epsilon` (px²) since it had the corners and state given.
+    pub fn settled(&self, corners: &Corners, state: &[f64], epsilon: f64) -> bool {
+        ssm::motion_squared(&self.ssm, corners, state) < epsilon
+    }
+
     /// Patch at the present state, into `b`.
     pub fn look(&self, image: &Image, b: &mut Buffers) -> Result<(), TrackError> {
         self.ssm.warp_into(&mut b.x, &mut b.y);
@@ -127,7 +145,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Probe<A, S> {
             return Ok(None);
         }
         self.ssm.set_state(&self.before)?;
-        let old = self.ssm.base_corners();
+        let old = self.ssm.base().corners_in_image();
         self.ssm.rebase(corners)?;
         Ok(crate::geom::homography::from_corners(&old, corners))
     }

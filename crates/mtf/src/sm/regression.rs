@@ -133,17 +133,20 @@ impl<A: AppearanceModel, S: StateSpaceModel> Regression<A, S> {
     }
 
     /// Pools the patch in `b` and takes its feature, less the template's.
-    fn describe(&mut self, b: &Buffers) {
+    fn describe(&mut self, b: &Buffers) -> Result<(), TrackError> {
         pool_into(
             &b.values,
             self.probe.sampling.shape(),
             self.shape().res,
             &mut self.cells,
         );
-        self.probe.am.feature_into(&self.cells, &mut self.feature);
+        self.probe
+            .distances()?
+            .feature_into(&self.cells, &mut self.feature);
         for (f, t) in self.feature.iter_mut().zip(&self.template) {
             *f -= t;
         }
+        Ok(())
     }
 
     /// Learns one level.
@@ -161,7 +164,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Regression<A, S> {
         for (x, y) in x.chunks_exact_mut(inputs).zip(y.chunks_exact_mut(OUTPUTS)) {
             self.probe
                 .look_around(image, &mut sampler, level, &mut rng, &mut work, b)?;
-            self.describe(b);
+            self.describe(b)?;
             x.copy_from_slice(&self.feature);
             let ssm = &self.probe.ssm;
             ssm.relative_into(ssm.state(), &home, &mut self.delta)?;
@@ -177,7 +180,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Regression<A, S> {
     /// One step with a level.
     fn step(&mut self, image: &Image, level: usize, b: &mut Buffers) -> Result<(), TrackError> {
         self.probe.look(image, b)?;
-        self.describe(b);
+        self.describe(b)?;
         let motion = |o: usize| {
             let n = self.feature.len();
             kernels::dot(&self.levels[level][o * n..(o + 1) * n], &self.feature)
@@ -189,7 +192,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Regression<A, S> {
         }
         let mut to = Corners::from_array(to);
         let ssm = &mut self.probe.ssm;
-        let base = ssm.base_corners();
+        let base = ssm.base().corners_in_image();
         if base != self.base {
             let carry = homography::from_corners(&self.base, &base)
                 .ok_or(TrackError::BadRegion("corners are no convex quadrilateral"))?;
@@ -221,7 +224,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Regression<A, S> {
             } else {
                 self.probe.ssm.set_state(&self.accepted)?;
             }
-            let still = self.probe.ssm.motion_squared(&before, &self.accepted) < self.params.epsilon;
+            let still = self.probe.settled(&before, &self.accepted, self.params.epsilon);
             if k >= last && (still || !better) {
                 return Ok((Stop::Converged, k as u32 + 1));
             }
@@ -232,7 +235,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Regression<A, S> {
     /// Similarity of the pooled patch at the present state.
     fn similarity(&mut self, image: &Image, b: &mut Buffers) -> Result<f64, TrackError> {
         self.probe.look(image, b)?;
-        self.describe(b);
+        self.describe(b)?;
         number(self.probe.am.score(&self.cells))
     }
 }
@@ -251,13 +254,14 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Regression<A, S> {
             &mut self.cells,
         );
         self.probe.am.set_template(shape, &self.cells)?;
-        let inputs = self.probe.am.feature_len();
+        let distances = self.probe.distances()?;
+        let inputs = distances.feature_len();
         self.template = vec![0.0; inputs];
         self.feature = vec![0.0; inputs];
-        self.probe.am.feature_into(&self.cells, &mut self.template);
+        distances.feature_into(&self.cells, &mut self.template);
         self.delta = vec![0.0; self.probe.ssm.dof()];
         self.accepted = self.delta.clone();
-        self.base = self.probe.ssm.base_corners();
+        self.base = self.probe.ssm.base().corners_in_image();
         self.levels = (0..self.params.sigma.0.len())
             .map(|level| self.learn_level(image, level, &mut ws))
             .collect::<Result<_, _>>()?;
@@ -269,8 +273,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Regression<A, S> {
         self.probe.check_started()?;
         let image = frame.with_channels(self.channels());
         let mut ws = self.probe.workspace();
-        self.probe.ssm.begin_frame();
-        self.probe.am.begin_frame();
+        self.probe.begin_frame();
         let (stop, iterations) = self.search(image, &mut ws)?;
         let similarity = self.similarity(image, &mut ws)?;
         Ok(Update {
@@ -316,7 +319,7 @@ pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
     },
     SmFamily {
         refuses: |_, am| {
-            (am.metric != Metric::SquaredL2).then_some("has no features with Euclidean distances")
+            (am.metric != Some(Metric::SquaredL2)).then_some("has no features with Euclidean distances")
         },
         refuses_ssm: |ssm| (!ssm.compositional).then_some("does not compose"),
         ..SmFamily::UNDEMANDING

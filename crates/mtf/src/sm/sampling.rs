@@ -95,14 +95,24 @@ impl SamplingParams {
     /// gradients of `b`, whose values stay.
     pub(super) fn sample_warped_gradient<S: StateSpaceModel>(&self, image: &Image, ssm: &S, b: &mut Buffers) {
         let n = b.x.len();
-        let r = ssm.radius();
+        let r = ssm.base().radius;
+        let group = ssm.matrix_group();
         let h = 0.5 / r;
         let half = r as f32;
         for axis in 0..2 {
             for side in [1.0, -1.0] {
                 let mut offset = [0.0; 2];
                 offset[axis] = side * h;
-                ssm.warp_offset_into(offset, &mut b.x, &mut b.y);
+                match group {
+                    Some(warp) => warp.warp_offset_into(offset, &mut b.x, &mut b.y),
+                    // The warped points move alike: right where the warp is a translation.
+                    None => {
+                        ssm.warp_into(&mut b.x, &mut b.y);
+                        for (out, d) in [&mut b.x, &mut b.y].into_iter().zip(offset) {
+                            out.iter_mut().for_each(|v| *v += (r * d) as f32);
+                        }
+                    }
+                }
                 for c in 0..self.channels.count() {
                     let at = c * n..(c + 1) * n;
                     let g = if axis == 0 { &mut b.gx } else { &mut b.gy };

@@ -1,5 +1,6 @@
 //! The base frame that every model works in: origin, scale, corners and sampling grid at initialisation.
 
+use super::Points;
 use crate::geom::{Corners, Mat3, homography};
 use crate::kernels;
 use crate::params::Resolution;
@@ -11,7 +12,7 @@ use crate::tracker::TrackError;
 pub struct BaseFrame {
     /// Origin, px.
     pub centre: [f64; 2],
-    /// Unit of length, px.
+    /// Unit of length, px: the factor from pixels to the frame for image gradients, `∂I/∂(frame) = r ∂I/∂(pixel)`.
     pub radius: f64,
     /// Corners in the frame.
     pub corners: Corners,
@@ -70,6 +71,19 @@ impl BaseFrame {
         kernels::regular_grid(&m, res.cols, res.rows, &mut self.x, &mut self.y);
         self.res = Some(res);
         Ok(())
+    }
+
+    /// Corners in image pixels.
+    pub fn corners_in_image(&self) -> Corners {
+        self.to_image(&self.corners)
+    }
+
+    /// Grid points in the frame.
+    pub fn grid(&self) -> Points<'_> {
+        Points {
+            x: &self.x,
+            y: &self.y,
+        }
     }
 
     /// Sampling grid; `None` before [`set`](Self::set).

@@ -8,7 +8,10 @@
 //! the frame before did not show it already.
 
 use super::frame::BaseFrame;
-use super::{Gradient, ImageHessian, Increment, JacobianKind, Points, SsmCapabilities, StateSpaceModel};
+use super::{
+    Estimable, Gradient, ImageHessian, Increment, JacobianKind, NonRigid, Points, Reference, SecondOrder,
+    SsmCapabilities, StateSpaceModel,
+};
 use crate::consensus::{Estimator, Homographies};
 use crate::entry::Part;
 use crate::geom::fit::Moments;
@@ -111,7 +114,7 @@ pub struct FreeForm<B> {
     /// Warped control points, and what of their displacement is beyond the motion of a plane.
     bend: RefCell<(Vec<[f64; 2]>, Vec<[f64; 2]>)>,
     /// The latter as expected for the present frame.
-    expected: Vec<[f64; 2]>,
+    expected: RefCell<Vec<[f64; 2]>>,
 }
 
 /// Scratch of fits to point pairs.
@@ -205,7 +208,7 @@ impl<B: Basis> FreeForm<B> {
             .for_each(|s| s.resize(points, 0.0));
         self.p = vec![0.0; 2 * n];
         self.next = Vec::with_capacity(2 * n);
-        self.expected = vec![[0.0; 2]; n];
+        self.expected.replace(vec![[0.0; 2]; n]);
         Ok(())
     }
 
@@ -352,13 +355,16 @@ impl<B: Basis> StateSpaceModel for FreeForm<B> {
         self.p.len()
     }
 
+    fn base(&self) -> &BaseFrame {
+        &self.frame
+    }
+
     fn capabilities(&self) -> SsmCapabilities {
         SsmCapabilities {
             compositional: false,
             invertible: false,
             group: false,
             min_points: 4,
-            estimable: true,
         }
     }
 
@@ -392,16 +398,8 @@ impl<B: Basis> StateSpaceModel for FreeForm<B> {
         sound
     }
 
-    fn corners(&self) -> Corners {
-        self.corners_at(&self.p)
-    }
-
     fn corners_at(&self, p: &[f64]) -> Corners {
         self.frame.to_image(&self.warped_corners(p))
-    }
-
-    fn base_corners(&self) -> Corners {
-        self.frame.to_image(&self.frame.corners)
     }
 
     /// The net moves as the plane through the corners does, and keeps its bend.
@@ -442,52 +440,6 @@ impl<B: Basis> StateSpaceModel for FreeForm<B> {
         solved
     }
 
-    /// Outliers are those of a plane at first (three times the threshold, for the bend), then those of the warp itself.
-    fn estimate(
-        &mut self,
-        estimator: &mut Estimator,
-        from: &[[f64; 2]],
-        to: &[[f64; 2]],
-    ) -> Result<(), TrackError> {
-        let thresh = estimator.params.est_thresh;
-        estimator.params.est_thresh = 3.0 * thresh;
-        // Non-rigid fits start from the motion of the plane.
-        let plane = estimator.estimate(&Homographies, from, to);
-        estimator.params.est_thresh = thresh;
-        let plane = self.frame.matrix_to_frame(&plane?);
-        let pairs: Vec<_> = self.pairs(from, to).collect();
-        let mut row = vec![Weight::default(); self.basis.control().len()];
-        let mut errors = Vec::with_capacity(pairs.len());
-        let mut p = self.p.clone();
-        // Bends look like noise to the plane's own judgement of its inliers.
-        let mut limit = 3.0 * thresh / self.frame.radius;
-        let plane_error = |(x, u): &([f64; 2], [f64; 2])| {
-            let w = homography::apply(&plane, *x);
-            libm::hypot(w[0] - u[0], w[1] - u[1])
-        };
-        errors.extend(pairs.iter().map(plane_error));
-        for round in 0..=ROUNDS {
-            if errors.iter().filter(|e| **e <= limit).count() < 4 {
-                return Err(NO_FIT);
-            }
-            self.solve(&plane, &pairs, |i| errors[i] <= limit, &mut p)?;
-            if round == ROUNDS {
-                break;
-            }
-            errors.clear();
-            for (x, u) in &pairs {
-                let w = self.warp(&p, *x, &mut row);
-                errors.push(libm::hypot(w[0] - u[0], w[1] - u[1]));
-            }
-            let mut sorted = errors.clone();
-            sorted.sort_unstable_by(f64::total_cmp);
-            let spread = sorted[sorted.len() / 2] / (2.0 * std::f64::consts::LN_2).sqrt();
-            limit = (INLIER * spread).clamp(1e-6, thresh / self.frame.radius);
-        }
-        estimator.set_inliers(errors.iter().map(|e| *e <= limit));
-        self.set_state(&p)
-    }
-
     fn relative_into(&self, p: &[f64], q: &[f64], out: &mut [f64]) -> Result<(), TrackError> {
         for ((out, p), q) in out.iter_mut().zip(p).zip(q) {
             *out = q - p;
@@ -500,59 +452,6 @@ impl<B: Basis> StateSpaceModel for FreeForm<B> {
         self.frame = frame;
         self.start()?;
         Ok(carry)
-    }
-
-    fn motion_squared(&self, _: &Corners, state: &[f64]) -> f64 {
-        let moved: f64 = self.p.iter().zip(state).map(|(a, b)| (a - b) * (a - b)).sum();
-        // As many squared pixels as four points would have moved.
-        moved * self.frame.radius * self.frame.radius * 8.0 / self.p.len().max(1) as f64
-    }
-
-    fn begin_frame(&mut self) {
-        let memory = self.basis.penalty().memory;
-        self.update_bend();
-        let (_, bend) = &*self.bend.borrow();
-        self.expected.clear();
-        self.expected
-            .extend(bend.iter().map(|b| [memory * b[0], memory * b[1]]));
-    }
-
-    fn regularise(&self, gradient: &mut [f64], hessian: &mut SymMatrix) {
-        let k = self.basis.penalty().weight * mean_diagonal(hessian);
-        let n = self.bending.order();
-        self.update_bend();
-        let (_, bend) = &*self.bend.borrow();
-        for a in 0..n {
-            for (b, (bend, expected)) in bend.iter().zip(&self.expected).enumerate() {
-                let r = k * self.bending.get(a, b);
-                for c in 0..2 {
-                    gradient[2 * a + c] -= r * (bend[c] - expected[c]);
-                    if b >= a {
-                        let at = (2 * a + c, 2 * b + c);
-                        hessian.set(at.0, at.1, hessian.get(at.0, at.1) - r);
-                    }
-                }
-            }
-        }
-    }
-
-    fn grid(&self) -> Points<'_> {
-        Points {
-            x: &self.frame.x,
-            y: &self.frame.y,
-        }
-    }
-
-    fn point(&self, i: usize) -> [f64; 2] {
-        let mut row = vec![Weight::default(); self.basis.control().len()];
-        self.frame
-            .point_to_image(self.warp(&self.p, self.frame.grid_point(i), &mut row))
-    }
-
-    fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
-        let mut row = vec![Weight::default(); self.basis.control().len()];
-        let warped = self.warp(&self.p, self.frame.point_to_frame(x), &mut row);
-        Some(self.frame.point_to_image(warped))
     }
 
     fn warp_into(&self, x: &mut [f32], y: &mut [f32]) {
@@ -604,6 +503,129 @@ impl<B: Basis> StateSpaceModel for FreeForm<B> {
         }
     }
 
+    fn memory(&self) -> usize {
+        let stretches: usize = self.stretches.iter().map(|s| 12 * s.w.len()).sum();
+        let scratch: usize = self.scratch.borrow().iter().map(|s| 4 * s.capacity()).sum();
+        self.frame.memory() + stretches + scratch + 8 * self.bending.order() * self.bending.order()
+    }
+
+    fn estimable(&mut self) -> Option<&mut dyn Estimable> {
+        Some(self)
+    }
+
+    fn non_rigid(&self) -> Option<&dyn NonRigid> {
+        Some(self)
+    }
+
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+
+    fn second_order(&self) -> Option<&dyn SecondOrder> {
+        Some(self)
+    }
+}
+
+impl<B: Basis> Estimable for FreeForm<B> {
+    /// Outliers are those of a plane at first (three times the threshold, for the bend), then those of the warp itself.
+    fn estimate(
+        &mut self,
+        estimator: &mut Estimator,
+        from: &[[f64; 2]],
+        to: &[[f64; 2]],
+    ) -> Result<(), TrackError> {
+        let thresh = estimator.params.est_thresh;
+        estimator.params.est_thresh = 3.0 * thresh;
+        // Non-rigid fits start from the motion of the plane.
+        let plane = estimator.estimate(&Homographies, from, to);
+        estimator.params.est_thresh = thresh;
+        let plane = self.frame.matrix_to_frame(&plane?);
+        let pairs: Vec<_> = self.pairs(from, to).collect();
+        let mut row = vec![Weight::default(); self.basis.control().len()];
+        let mut errors = Vec::with_capacity(pairs.len());
+        let mut p = self.p.clone();
+        // Bends look like noise to the plane's own judgement of its inliers.
+        let mut limit = 3.0 * thresh / self.frame.radius;
+        let plane_error = |(x, u): &([f64; 2], [f64; 2])| {
+            let w = homography::apply(&plane, *x);
+            libm::hypot(w[0] - u[0], w[1] - u[1])
+        };
+        errors.extend(pairs.iter().map(plane_error));
+        for round in 0..=ROUNDS {
+            if errors.iter().filter(|e| **e <= limit).count() < 4 {
+                return Err(NO_FIT);
+            }
+            self.solve(&plane, &pairs, |i| errors[i] <= limit, &mut p)?;
+            if round == ROUNDS {
+                break;
+            }
+            errors.clear();
+            for (x, u) in &pairs {
+                let w = self.warp(&p, *x, &mut row);
+                errors.push(libm::hypot(w[0] - u[0], w[1] - u[1]));
+            }
+            let mut sorted = errors.clone();
+            sorted.sort_unstable_by(f64::total_cmp);
+            let spread = sorted[sorted.len() / 2] / (2.0 * std::f64::consts::LN_2).sqrt();
+            limit = (INLIER * spread).clamp(1e-6, thresh / self.frame.radius);
+        }
+        estimator.set_inliers(errors.iter().map(|e| *e <= limit));
+        self.set_state(&p)
+    }
+}
+
+impl<B: Basis> NonRigid for FreeForm<B> {
+    fn motion_squared(&self, state: &[f64]) -> f64 {
+        let moved: f64 = self.p.iter().zip(state).map(|(a, b)| (a - b) * (a - b)).sum();
+        // As many squared pixels as four points would have moved.
+        moved * self.frame.radius * self.frame.radius * 8.0 / self.p.len().max(1) as f64
+    }
+
+    fn begin_frame(&self) {
+        let memory = self.basis.penalty().memory;
+        self.update_bend();
+        let (_, bend) = &*self.bend.borrow();
+        let mut now = self.expected.borrow_mut();
+        now.clear();
+        now.extend(bend.iter().map(|b| [memory * b[0], memory * b[1]]));
+    }
+
+    fn regularise(&self, gradient: &mut [f64], hessian: &mut SymMatrix) {
+        let k = self.basis.penalty().weight * mean_diagonal(hessian);
+        let n = self.bending.order();
+        self.update_bend();
+        let (_, bend) = &*self.bend.borrow();
+        let expected = &*self.expected.borrow();
+        for a in 0..n {
+            for (b, (bend, expected)) in bend.iter().zip(expected).enumerate() {
+                let r = k * self.bending.get(a, b);
+                for c in 0..2 {
+                    gradient[2 * a + c] -= r * (bend[c] - expected[c]);
+                    if b >= a {
+                        let at = (2 * a + c, 2 * b + c);
+                        hessian.set(at.0, at.1, hessian.get(at.0, at.1) - r);
+                    }
+                }
+            }
+        }
+    }
+
+    fn place(&self, x: [f64; 2]) -> [f64; 2] {
+        let mut row = vec![Weight::default(); self.basis.control().len()];
+        let warped = self.warp(&self.p, self.frame.point_to_frame(x), &mut row);
+        self.frame.point_to_image(warped)
+    }
+}
+
+impl<B: Basis> Reference for FreeForm<B> {
+    fn point(&self, i: usize) -> [f64; 2] {
+        let mut row = vec![Weight::default(); self.basis.control().len()];
+        self.frame
+            .point_to_image(self.warp(&self.p, self.frame.grid_point(i), &mut row))
+    }
+}
+
+impl<B: Basis> SecondOrder for FreeForm<B> {
     /// The second derivatives of `w` by `p` vanish; those by `x` are left out of the approximate and warped kinds.
     fn curvature_into(
         &self,
@@ -654,16 +676,6 @@ impl<B: Basis> StateSpaceModel for FreeForm<B> {
                 }
             }
         }
-    }
-
-    fn radius(&self) -> f64 {
-        self.frame.radius
-    }
-
-    fn memory(&self) -> usize {
-        let stretches: usize = self.stretches.iter().map(|s| 12 * s.w.len()).sum();
-        let scratch: usize = self.scratch.borrow().iter().map(|s| 4 * s.capacity()).sum();
-        self.frame.memory() + stretches + scratch + 8 * self.bending.order() * self.bending.order()
     }
 }
 

@@ -3,7 +3,10 @@
 //! A model gives its matrix `M(p)`, the way back, and the derivatives of `M`; the rest follows.
 
 use super::frame::BaseFrame;
-use super::{Gradient, ImageHessian, Increment, JacobianKind, Points, SsmCapabilities, StateSpaceModel};
+use super::{
+    Estimable, Gradient, ImageHessian, Increment, JacobianKind, MatrixGroup, Points, Reference, SecondOrder,
+    SsmCapabilities, StateSpaceModel,
+};
 use crate::consensus::{Estimator, PointModel};
 use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
@@ -249,13 +252,16 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
         W::DOF
     }
 
+    fn base(&self) -> &BaseFrame {
+        &self.frame
+    }
+
     fn capabilities(&self) -> SsmCapabilities {
         SsmCapabilities {
             compositional: true,
             invertible: true,
             group: W::GROUP,
             min_points: W::MIN_POINTS,
-            estimable: true,
         }
     }
 
@@ -310,10 +316,6 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
             .to_image(&homography::apply_corners(&m, &self.frame.corners))
     }
 
-    fn base_corners(&self) -> Corners {
-        self.frame.to_image(&self.frame.corners)
-    }
-
     fn fit_corners(&mut self, corners: &Corners) -> Result<f64, TrackError> {
         let target = self.frame.to_frame(corners);
         let mut p = [0.0; MAX_DOF];
@@ -335,20 +337,6 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
         self.model.state(&m, p).ok_or(NO_FIT)
     }
 
-    fn estimate(
-        &mut self,
-        estimator: &mut Estimator,
-        from: &[[f64; 2]],
-        to: &[[f64; 2]],
-    ) -> Result<(), TrackError> {
-        let m = estimator.estimate(&Fitter(&self.model), from, to)?;
-        let mut p = [0.0; MAX_DOF];
-        self.model
-            .state(&self.frame.matrix_to_frame(&m), &mut p[..W::DOF])
-            .ok_or(NO_FIT)?;
-        self.accept(p)
-    }
-
     fn relative_into(&self, p: &[f64], q: &[f64], out: &mut [f64]) -> Result<(), TrackError> {
         let step = self
             .model
@@ -358,42 +346,6 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
             .ok_or(TrackError::Degenerate("increment has no inverse in the model"))
     }
 
-    fn group_mean_into(&self, states: &[f64], weights: &[f64], out: &mut [f64]) -> Result<(), TrackError> {
-        let lost = TrackError::Degenerate("states have no mean");
-        let unit = |p: &[f64]| {
-            let m = self.model.matrix(p);
-            // Only a projective matrix has a free scale; the others have m22 = 1 and stay as they are.
-            let k = if m[(2, 0)] == 0.0 && m[(2, 1)] == 0.0 {
-                1.0
-            } else {
-                libm::cbrt(m.determinant())
-            };
-            m / k
-        };
-        let heaviest = (0..weights.len())
-            .max_by(|&a, &b| weights[a].total_cmp(&weights[b]).then(b.cmp(&a)))
-            .ok_or(lost)?;
-        let total: f64 = weights.iter().sum();
-        let s = W::DOF;
-        let mut mean = unit(&states[heaviest * s..][..s]);
-        for _ in 0..MEAN_ITERATIONS {
-            let back = mean.try_inverse().ok_or(lost)?;
-            let mut sum = Mat3::zeros();
-            for (p, w) in states.chunks_exact(s).zip(weights) {
-                let mut step = back * unit(p);
-                if step[(2, 0)] != 0.0 || step[(2, 1)] != 0.0 {
-                    step /= libm::cbrt(step.determinant());
-                }
-                sum += lie::log(&step).ok_or(lost)? * (w / total);
-            }
-            mean *= lie::exp(&sum);
-            if sum.norm_squared() < MEAN_EPSILON {
-                break;
-            }
-        }
-        self.model.state(&mean, out).ok_or(lost)
-    }
-
     fn rebase(&mut self, corners: &Corners) -> Result<Mat3, TrackError> {
         let (frame, carry) = self.frame.rebased(corners)?;
         self.frame = frame;
@@ -401,26 +353,8 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
         Ok(carry)
     }
 
-    fn grid(&self) -> Points<'_> {
-        Points {
-            x: &self.frame.x,
-            y: &self.frame.y,
-        }
-    }
-
-    fn point(&self, i: usize) -> [f64; 2] {
-        self.frame
-            .point_to_image(homography::apply(&self.matrix, self.frame.grid_point(i)))
-    }
-
     fn warp_into(&self, x: &mut [f32], y: &mut [f32]) {
         self.warp_with(&self.matrix, x, y);
-    }
-
-    fn warp_offset_into(&self, [dx, dy]: [f64; 2], x: &mut [f32], y: &mut [f32]) {
-        let shift = Mat3::new(1.0, 0.0, dx, 0.0, 1.0, dy, 0.0, 0.0, 1.0);
-        let m = self.matrix * shift;
-        self.warp_with(&m, x, y);
     }
 
     fn jacobian_into(
@@ -477,6 +411,95 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
         kernels::steepest(&self.frame.x, &self.frame.y, &q, &columns[..W::DOF], row, j);
     }
 
+    fn memory(&self) -> usize {
+        self.frame.memory() + size_of::<Self>()
+    }
+
+    fn estimable(&mut self) -> Option<&mut dyn Estimable> {
+        Some(self)
+    }
+
+    fn matrix_group(&self) -> Option<&dyn MatrixGroup> {
+        Some(self)
+    }
+
+    fn reference(&self) -> Option<&dyn Reference> {
+        Some(self)
+    }
+
+    fn second_order(&self) -> Option<&dyn SecondOrder> {
+        Some(self)
+    }
+}
+
+impl<W: ProjectiveModel> Estimable for Projective<W> {
+    fn estimate(
+        &mut self,
+        estimator: &mut Estimator,
+        from: &[[f64; 2]],
+        to: &[[f64; 2]],
+    ) -> Result<(), TrackError> {
+        let m = estimator.estimate(&Fitter(&self.model), from, to)?;
+        let mut p = [0.0; MAX_DOF];
+        self.model
+            .state(&self.frame.matrix_to_frame(&m), &mut p[..W::DOF])
+            .ok_or(NO_FIT)?;
+        self.accept(p)
+    }
+}
+
+impl<W: ProjectiveModel> MatrixGroup for Projective<W> {
+    fn mean_into(&self, states: &[f64], weights: &[f64], out: &mut [f64]) -> Result<(), TrackError> {
+        let lost = TrackError::Degenerate("states have no mean");
+        let unit = |p: &[f64]| {
+            let m = self.model.matrix(p);
+            // Only a projective matrix has a free scale; the others have m22 = 1 and stay as they are.
+            let k = if m[(2, 0)] == 0.0 && m[(2, 1)] == 0.0 {
+                1.0
+            } else {
+                libm::cbrt(m.determinant())
+            };
+            m / k
+        };
+        let heaviest = (0..weights.len())
+            .max_by(|&a, &b| weights[a].total_cmp(&weights[b]).then(b.cmp(&a)))
+            .ok_or(lost)?;
+        let total: f64 = weights.iter().sum();
+        let s = W::DOF;
+        let mut mean = unit(&states[heaviest * s..][..s]);
+        for _ in 0..MEAN_ITERATIONS {
+            let back = mean.try_inverse().ok_or(lost)?;
+            let mut sum = Mat3::zeros();
+            for (p, w) in states.chunks_exact(s).zip(weights) {
+                let mut step = back * unit(p);
+                if step[(2, 0)] != 0.0 || step[(2, 1)] != 0.0 {
+                    step /= libm::cbrt(step.determinant());
+                }
+                sum += lie::log(&step).ok_or(lost)? * (w / total);
+            }
+            mean *= lie::exp(&sum);
+            if sum.norm_squared() < MEAN_EPSILON {
+                break;
+            }
+        }
+        self.model.state(&mean, out).ok_or(lost)
+    }
+
+    fn warp_offset_into(&self, [dx, dy]: [f64; 2], x: &mut [f32], y: &mut [f32]) {
+        let shift = Mat3::new(1.0, 0.0, dx, 0.0, 1.0, dy, 0.0, 0.0, 1.0);
+        let m = self.matrix * shift;
+        self.warp_with(&m, x, y);
+    }
+}
+
+impl<W: ProjectiveModel> Reference for Projective<W> {
+    fn point(&self, i: usize) -> [f64; 2] {
+        self.frame
+            .point_to_image(homography::apply(&self.matrix, self.frame.grid_point(i)))
+    }
+}
+
+impl<W: ProjectiveModel> SecondOrder for Projective<W> {
     fn curvature_into(
         &self,
         kind: JacobianKind,
@@ -538,14 +561,6 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
                 sum + weight * ((a.transpose() * q * b)[0] + g[0] * bend[0] + g[1] * bend[1])
             });
         }
-    }
-
-    fn radius(&self) -> f64 {
-        self.frame.radius
-    }
-
-    fn memory(&self) -> usize {
-        self.frame.memory() + size_of::<Self>()
     }
 }
 

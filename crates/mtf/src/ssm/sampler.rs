@@ -183,9 +183,9 @@ impl Sampler {
         };
         let scale = match self.unit {
             SampleUnit::Pixels => 1.0,
-            SampleUnit::Side => std::f64::consts::SQRT_2 * ssm.radius(),
+            SampleUnit::Side => std::f64::consts::SQRT_2 * ssm.base().radius,
         };
-        let from = region_points(&ssm.base_corners(), count);
+        let from = region_points(&ssm.base().corners_in_image(), count);
         for _ in 0..TRIES {
             let mut normal = |s: f64| {
                 let z: f64 = rng.sample(StandardNormal);
@@ -298,7 +298,7 @@ fn region_points(corners: &Corners, count: usize) -> [[f64; 2]; 4] {
 ///
 /// `σ_k` is proportional to `1 / mean_i |∂w(x_i; 0)/∂p_k|`; the factor is found by measuring samples of a fixed stream.
 pub fn sigma_of_motion<S: StateSpaceModel + ?Sized>(ssm: &S, pixels: f64) -> Result<Vec<f64>, TrackError> {
-    let grid = ssm.grid();
+    let grid = ssm.base().grid();
     let (n, s) = (grid.x.len(), ssm.dof());
     if n == 0 || s == 0 {
         return Err(TrackError::NotInitialised);
@@ -314,13 +314,13 @@ pub fn sigma_of_motion<S: StateSpaceModel + ?Sized>(ssm: &S, pixels: f64) -> Res
         .map(|k| {
             let pairs = along_x.col(k).iter().zip(along_y.col(k));
             let sum: f64 = pairs.map(|(&x, &y)| f64::from(x).hypot(f64::from(y))).sum();
-            pixels / (ssm.radius() * sum / n as f64)
+            pixels / (ssm.base().radius * sum / n as f64)
         })
         .collect();
     if !sigma.iter().all(|v| v.is_finite()) {
         return Err(NO_SAMPLE);
     }
-    let base = ssm.base_corners();
+    let base = ssm.base().corners_in_image();
     let mut p = vec![0.0; s];
     for _ in 0..CALIBRATION.1 {
         let mut rng = Pcg64::seed_from_u64(0x5167);
@@ -350,7 +350,7 @@ pub fn sigma_of_motion<S: StateSpaceModel + ?Sized>(ssm: &S, pixels: f64) -> Res
 }
 
 /// `Σ w_i p_i / Σ w_i`.
-pub(super) fn state_mean(states: &[f64], weights: &[f64], out: &mut [f64]) {
+fn state_mean(states: &[f64], weights: &[f64], out: &mut [f64]) {
     let total: f64 = weights.iter().sum();
     out.fill(0.0);
     for (p, w) in states.chunks_exact(out.len()).zip(weights) {
@@ -373,14 +373,17 @@ pub fn mean_into<S: StateSpaceModel + ?Sized>(
     }
     match kind {
         Mean::State => state_mean(states, weights, out),
-        Mean::Group => ssm.group_mean_into(states, weights, out)?,
+        Mean::Group => match ssm.matrix_group() {
+            Some(group) => group.mean_into(states, weights, out)?,
+            None => state_mean(states, weights, out),
+        },
         Mean::Corners => {
             let mut sum = [0.0; 8];
             for (p, w) in states.chunks_exact(out.len()).zip(weights) {
                 let c = ssm.corners_at(p).to_array();
                 sum.iter_mut().zip(c).for_each(|(s, v)| *s += w / total * v);
             }
-            ssm.fit_into(&ssm.base_corners().0, &Corners::from_array(sum).0, out)?;
+            ssm.fit_into(&ssm.base().corners_in_image().0, &Corners::from_array(sum).0, out)?;
         }
     }
     Ok(())

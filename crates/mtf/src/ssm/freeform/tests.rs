@@ -68,7 +68,7 @@ fn approximate_undoes_warped<B: Basis>() {
     let mut w: [Vec<f32>; 6] = std::array::from_fn(|_| vec![0.0; n]);
     f.spatial(&mut w);
     let (mut tx, mut ty) = (vec![0.0; n], vec![0.0; n]);
-    let r = f.radius() as f32;
+    let r = f.base().radius as f32;
     kernels::row_times(&gx, &gy, [&w[0], &w[1], &w[2], &w[3]], false, r, &mut tx, &mut ty);
     let [mut additive, mut approximate, mut warped, mut template] =
         std::array::from_fn(|_| Jacobian::new(n, f.dof()));

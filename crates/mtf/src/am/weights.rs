@@ -8,6 +8,8 @@
 //! efficiency of least squares on Gaussian noise. A mask sets `m_i` to 0, and to `n/kept` elsewhere, so that `f` of
 //! different masks compares.
 
+use super::Normal;
+use super::standard;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::{self, Jacobian};
 use crate::params::param_enum;
@@ -151,16 +153,39 @@ impl Weights {
         }
     }
 
-    /// As [`standardise`](super::zncc::standardise), mean and deviation weighted.
+    /// `h = factor Jᵀ diag(w) J`.
+    pub fn gram(&self, j: &Jacobian, factor: f64, h: &mut SymMatrix) {
+        self.normal_equations(j, &[], h, &mut []);
+        h.scale(factor);
+    }
+
+    /// `gradient = factor Jᵀ r`, `hessian = curvature Jᵀ diag(w) J`.
+    pub fn least_squares(&self, j: &Jacobian, r: &[f32], factor: f64, curvature: f64, out: &mut Normal) {
+        self.normal_equations(j, &[r], &mut out.hessian, &mut out.gradient);
+        out.hessian.scale(curvature);
+        out.gradient.iter_mut().for_each(|g| *g *= factor);
+    }
+
+    /// Replaces the differences by `w e` if there are weights; `squares` is their sum of squares. Returns `-2 f`.
+    pub fn weigh(&mut self, e: &mut [f32], squares: f64, floor: f64) -> f64 {
+        if !self.used() {
+            return squares;
+        }
+        let loss = self.estimate(e, floor);
+        kernels::multiply(&self.w, e);
+        loss
+    }
+
+    /// As [`standardise`](standard::standardise), mean and deviation weighted.
     pub fn standardise(&self, x: &[f32], out: &mut [f32]) -> (f64, f64) {
         let Some(w) = self.get() else {
-            return super::zncc::standardise(x, out);
+            return standard::standardise(x, out);
         };
         let total = kernels::sum(w);
         let mean = kernels::dot(w, x) / total;
         kernels::rescale(x, mean as f32, 1.0, out);
         let deviation = (kernels::weighted_squares(w, out) / total).sqrt();
-        let inverse = if deviation >= super::zncc::FLAT {
+        let inverse = if deviation >= standard::FLAT {
             1.0 / deviation
         } else {
             0.0
