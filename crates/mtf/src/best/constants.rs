@@ -1,18 +1,18 @@
 //! The numbers that `best` rests on, each with its unit and why it has its value; depends on nothing.
 //!
-//! They are the fields of [`K`], a plain constant. With the feature `ablation` the environment variable
+//! They are the fields of `K`, a plain constant. With the feature `ablation` the environment variable
 //! `MTF_BEST_CONSTANTS` (`near_distance=0.25,sure_total=0.9`) overrides them, and `list` tells scripts what there is:
 //! `scripts/best/ablation.py` halves and doubles each. What users may choose is in
 //! [`BestParams`](super::BestParams) instead.
 //!
-//! A *score* is a mean of cubed correlations of blocks, 0 to 1 ([`Score`](super::align::Score)).
+//! A *score* is a mean of cubed correlations of blocks, 0 to 1 (`align/score.rs`).
 
 /// Declares the constants: documentation that says why, name, type, value, unit.
 macro_rules! constants {
     ($($(#[doc = $why:literal])+ $name:ident: $type:ty = $value:expr, $unit:literal;)*) => {
         /// The constants of `best`.
         pub(super) struct Constants {
-            $($(#[doc = $why])+ #[doc = concat!("In ", $unit, ".")] pub $name: $type,)*
+            $($(#[doc = $why])+ #[doc = concat!("Unit: ", $unit, ".")] pub $name: $type,)*
         }
 
         #[cfg(not(feature = "ablation"))]
@@ -70,7 +70,7 @@ constants! {
     covered_best: f64 = 0.93, "correlation";
     /// Nothing but the object reaches it: the search ends, and motion and exposure are learnt.
     sure_total: f64 = 0.45, "score";
-    /// A lost object's drift ends after about five frames.
+    /// A lost object drifts on by five frames' motion in all.
     slower: f64 = 0.8, "ratio per frame";
 
     // Motion blur, in `mod.rs` and `smear.rs`.
@@ -99,7 +99,7 @@ constants! {
     /// The same for the whole frame.
     key_points_whole: usize = 1500, "key points";
     /// Flow starts from a guess and need not be exact: alignment follows.
-    flow_steps: u32 = 15, "steps";
+    flow_steps: usize = 15, "steps";
     /// Flow need not be exact.
     flow_epsilon: f64 = 0.03, "px";
     /// Flow that the blocks' own size makes uncertain still agrees.
@@ -120,7 +120,7 @@ constants! {
     blurred_margin: f64 = 0.015, "score";
     /// Half the object: beyond, it is another place.
     near_distance: f64 = 0.5, "sides of the object";
-    /// The scan finds turns up to about nine degrees off: two such steps.
+    /// The scan finds turns up to about nine degrees off; this is twice that.
     turn_small: f64 = 18.0, "degrees";
     /// The next two steps.
     turn_middle: f64 = 36.0, "degrees";
@@ -148,9 +148,9 @@ constants! {
     farther: f64 = 3.0, "ratio";
     /// An object that was lost a moment ago is still about.
     fresh: usize = 6, "frames";
-    /// The searches of an object that is half sure take turns: surroundings, key points, everywhere, each with a frame between.
+    /// When half sure: surroundings, key points, everywhere, each with a frame of rest.
     held_cycle: usize = 6, "frames";
-    /// Those of a lost one, without pauses.
+    /// When lost: the same without rest.
     lost_cycle: usize = 4, "frames";
     /// Without turns and sizes there is one scan, whose best place is the answer.
     near_places: usize = 1, "places";
@@ -210,7 +210,7 @@ constants! {
     best_fifths: usize = 2, "fifths of the blocks";
 
     // A step, in `align/step.rs`.
-    /// Tukey's constant is 4.7 deviations; that of the lower misfits is about half of all.
+    /// Blocks with up to two and a half times the misfit of good ones keep a say.
     cut_ratio: f64 = 2.5, "lower misfits";
     /// With perfect blocks the cut must not go below what noise does.
     cut_least: f64 = 0.4, "misfit";
@@ -232,13 +232,13 @@ constants! {
     projective_points: usize = 250, "points";
     /// Any shift within the template is likely.
     expected_shift: f64 = 1.0, "half sides of the object";
-    /// About thirty degrees, or a size by half.
+    /// About thirty degrees, or two thirds larger.
     expected_turn: f64 = 0.5, "radians, or log of a ratio";
     /// Planes do not stretch or shear much between frames.
     expected_stretch: f64 = 0.15, "log of a ratio";
     /// Nor lean.
     expected_tilt: f64 = 0.08, "change of depth per half side";
-    /// Residuals of neighbouring points are alike: a block is about one independent point.
+    /// Residuals of neighbouring points are alike: those of about a block and a half count as one.
     alike: f64 = 100.0, "points";
     /// Two gray levels of noise in any camera.
     noise: f64 = 4.0, "squared gray levels";
@@ -301,7 +301,7 @@ constants! {
 }
 
 #[cfg(feature = "ablation")]
-pub(super) use overrides::{Chosen, K};
+pub(super) use overrides::K;
 #[cfg(feature = "ablation")]
 pub use overrides::{Constant, OverrideError, check};
 
@@ -358,9 +358,9 @@ mod overrides {
     }
 
     /// Stands for the constants with their overrides.
-    pub struct Chosen;
+    pub(in crate::best) struct Chosen;
     /// The constants with their overrides.
-    pub static K: Chosen = Chosen;
+    pub(in crate::best) static K: Chosen = Chosen;
     static PLAIN: Constants = Constants::PLAIN;
 
     impl Deref for Chosen {

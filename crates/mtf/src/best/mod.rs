@@ -4,24 +4,24 @@
 //! # What happens in a frame
 //!
 //! *Starts* are proposed one after the other, each is *aligned* and *judged*, and the search ends with the first that is
-//! good enough ([`Best::locate`] in `seek.rs`):
+//! good enough (`Best::locate` in `seek.rs`):
 //!
 //! 1. **Motion.** The object goes on as it moved last, or stays, whichever agrees better.
 //! 2. **Flow.** The blocks that agreed in the last frame are followed by sparse flow, and a homography is fitted.
-//! 3. **A near scan** ([`Scanner`] in `scan.rs`) compares the template with every place around, on a coarse level.
+//! 3. **A near scan** (`Scanner` in `scan.rs`) compares the template with every place around, on a coarse level.
 //! 4. **A wider scan** does so for seven turns and three sizes, three times as far.
 //! 5. **Key points** find the object by its features ([`FeatureTracker`]).
 //! 6. **A scan of the whole image**, a third of all turns and sizes in each frame.
 //!
 //! The last three take turns while the object remains lost.
 //!
-//! Aligning ([`Aligner`] in `align/`) is Gauss-Newton on the homography, coarse to fine: the points of a level (`View` in
-//! `view.rs`) lie in blocks, and blocks that do not fit lose their weight. Judging gives a [`Score`]: how well the
+//! Aligning (`Aligner` in `align/`) is Gauss-Newton on the homography, coarse to fine: the points of a level (`View` in
+//! `view.rs`) lie in blocks, and blocks that do not fit lose their weight. Judging gives a `Score`: how well the
 //! template's blocks correlate with the image. The object is *found* when enough of them do, whatever covers the others
-//! ([`Best::found`]).
+//! (`Best::found`).
 //!
 //! When the object is found, three things are learnt: its motion, what score is usual, and, while it moves fast, how long
-//! the shutter is open ([`Best::learn_exposure`]). The template is blurred by motion as the image is (`smear.rs`). The
+//! the shutter is open (`Best::learn_exposure`). The template is blurred by motion as the image is (`smear.rs`). The
 //! template itself stays that of the first frame, so nothing drifts. When it is not found, the pose follows flow for some
 //! frames, then goes on a little as it moved last.
 //!

@@ -8,7 +8,6 @@ use crate::geom::{Mat3, homography};
 use crate::image::Frame;
 use crate::tracker::Tracker;
 
-
 /// A pose with its score.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {

@@ -1,6 +1,6 @@
 //! Prints the constants of `best` as lines of JSON: name, value, whether it is whole, unit, reason.
 //!
-//! `cargo run -p mtf --features ablation --example best_constants`
+//! `cargo run --features ablation --example best_constants`
 
 fn main() {
     for constant in mtf::best::constants::list() {
