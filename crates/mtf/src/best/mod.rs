@@ -1,12 +1,37 @@
-//! One tracker of its own: second-order alignment to the first frame's template over a pyramid, started from where the
-//! object should be, and, as long as the template does not agree there, from where flow, scans of a coarse level of the
-//! image and key points say it is. When motion blurs the image, the template is blurred the same way; how long the shutter
-//! is open is learnt from the frames.
+//! One tracker for planes that move fast, turn, come near, are half covered, blurred or outside the image. It has one
+//! file per part; uses everything up to `compose`.
 //!
-//! What decides is always the agreement of the template, block by block: a pose is taken when enough blocks agree, even
-//! if the others are covered or outside the image.
+//! # What happens in a frame
+//!
+//! *Starts* are proposed one after the other, each is *aligned* and *judged*, and the search ends with the first that is
+//! good enough (`Best::locate` in `seek.rs`):
+//!
+//! 1. **Motion.** The object goes on as it moved last, or stays, whichever agrees better.
+//! 2. **Flow.** The blocks that agreed in the last frame are followed by sparse flow, and a homography is fitted.
+//! 3. **A near scan** (`Scanner` in `scan.rs`) compares the template with every place around, on a coarse level.
+//! 4. **A wider scan** does so for seven turns and three sizes, three times as far.
+//! 5. **Key points** find the object by its features ([`FeatureTracker`]).
+//! 6. **A scan of the whole image**, a third of all turns and sizes in each frame.
+//!
+//! The last three take turns while the object remains lost.
+//!
+//! Aligning (`Aligner` in `align/`) is Gauss-Newton on the homography, coarse to fine: the points of a level (`View` in
+//! `view.rs`) lie in blocks, and blocks that do not fit lose their weight. Judging gives a `Score`: how well the
+//! template's blocks correlate with the image. The object is *found* when enough of them do, whatever covers the others
+//! (`Best::found`).
+//!
+//! When the object is found, three things are learnt: its motion, what score is usual, and, while it moves fast, how long
+//! the shutter is open (`Best::learn_exposure`). The template is blurred by motion as the image is (`smear.rs`). The
+//! template itself stays that of the first frame, so nothing drifts. When it is not found, the pose follows flow for some
+//! frames, then goes on a little as it moved last.
+//!
+//! Users choose [`BestParams`]; all other numbers are in `constants.rs`, with units and reasons.
 
 mod align;
+#[cfg(feature = "ablation")]
+pub mod constants;
+#[cfg(not(feature = "ablation"))]
+mod constants;
 mod entry;
 mod scan;
 mod seek;
@@ -23,6 +48,7 @@ use crate::tracker::{Stop, TrackError, Tracker, Update};
 pub use entry::ENTRY;
 
 use align::{Aligner, Score};
+use constants::K;
 use scan::{Found, Scanner};
 use std::collections::VecDeque;
 
@@ -44,34 +70,8 @@ crate::params! {
     }
 }
 
-/// Fewest blocks that agree, and least share of all, where the object has been found.
-const AGREEING: (usize, f64) = (4, 0.2);
-/// Frames whose scores are remembered.
-const MEMORY: usize = 15;
-/// Correlation of the best blocks, relative to the median of the last frames, from which the object has been found, and
-/// from which key points need not be asked.
-const FOUND: (f64, f64) = (0.72, 0.85);
-/// The same and the least total once it has been lost, or for more than a few frames: among so many places, some look a
-/// little like it.
-const FOUND_AGAIN: (f64, f64) = (0.8, 0.33);
-const FEW: usize = 5;
-/// The least total anywhere else, unless the best blocks agree so well that the others must be covered.
-const FOUND_ELSEWHERE: f64 = 0.42;
-const PERFECT: f64 = 0.93;
-/// What is usual before anything has been found: then the absolute limit decides.
+/// Usual total and correlation of the best blocks before anything has been found: then the absolute limits decide.
 const USUAL: (f64, f64) = (1.0, 0.0);
-/// What is left of the motion after each frame in which the object is lost.
-const SLOWER: f64 = 0.8;
-/// Total from which there is no doubt that the object is where it seems to be.
-const SURE: f64 = 0.45;
-/// Motion between frames from which blur tells of the exposure, px; into how many steps exposures are divided, what they
-/// must be better by than none, how far each frame is followed, and of how many frames one is looked at while there is no
-/// blur.
-const FAST: f64 = 10.0;
-const EXPOSURES: usize = 5;
-const SURER: f64 = 0.012;
-const FOLLOW: f64 = 0.4;
-const OFTEN: usize = 4;
 
 /// The tracker `best`; its similarity is the mean of the cubed correlations of the template's blocks, 0 to 1 (blocks
 /// outside the image count less).
@@ -107,7 +107,7 @@ pub struct Best {
     /// Frames in a row in which what was found was little like the object.
     doubtful: usize,
     /// Mean gain of the total with each exposure, and frames in which the object moved fast.
-    gains: [f64; EXPOSURES + 1],
+    gains: Vec<f64>,
     moved: usize,
     /// Frames in a row in which it was not sure that the object was found.
     unsure: usize,
@@ -126,19 +126,19 @@ impl Best {
     /// With its parameters.
     pub fn new(params: BestParams) -> Self {
         let features = FeatureParams {
-            feat_points: 800,
-            feat_points_whole: 1500,
+            feat_points: K.key_points,
+            feat_points_whole: K.key_points_whole,
             ..FeatureParams::default()
         };
         let klt = KltParams {
-            klt_iters: 15,
-            klt_epsilon: 0.03,
+            klt_iters: K.flow_steps,
+            klt_epsilon: K.flow_epsilon,
             ..KltParams::default()
         };
         let estimator = EstimatorParams {
             estimator: EstimateMethod::Ransac,
-            est_thresh: 3.0,
-            est_iters: 500,
+            est_thresh: K.flow_threshold,
+            est_iters: K.flow_samples,
             ..EstimatorParams::default()
         };
         Best {
@@ -163,12 +163,12 @@ impl Best {
             ),
             has_features: false,
             seed: 0,
-            scores: VecDeque::with_capacity(MEMORY + 1),
-            sorted: Vec::with_capacity(MEMORY + 1),
+            scores: VecDeque::with_capacity(K.remembered + 1),
+            sorted: Vec::with_capacity(K.remembered + 1),
             usual: USUAL,
             last: 1.0,
             doubtful: 0,
-            gains: [0.0; EXPOSURES + 1],
+            gains: vec![0.0; K.exposures + 1],
             moved: 0,
             unsure: 0,
             scans: 0,
@@ -183,13 +183,13 @@ impl Best {
     /// Takes note of the score of a frame in which the object was found.
     fn remember(&mut self, score: Score) {
         self.last = score.total;
-        self.doubtful = if score.total < FOUND_AGAIN.1 {
+        self.doubtful = if score.total < K.again_total {
             self.doubtful + 1
         } else {
             0
         };
         self.scores.push_back(score);
-        if self.scores.len() > MEMORY {
+        if self.scores.len() > K.remembered {
             self.scores.pop_front();
         }
         let mut median = |of: fn(&Score) -> f64| {
@@ -204,52 +204,55 @@ impl Best {
     /// Whether the object is at a candidate.
     fn found(&self, at: &seek::Candidate) -> bool {
         let (part, total) = if !at.near {
-            (FOUND_AGAIN.0, FOUND_ELSEWHERE)
-        } else if self.lost == 0 && self.doubtful < FEW {
-            (FOUND.0, 0.0)
+            (K.again_part, K.elsewhere_total)
+        } else if self.lost == 0 && self.doubtful < K.doubtful_frames {
+            (K.found_part, 0.0)
         } else {
-            FOUND_AGAIN
+            (K.again_part, K.again_total)
         };
         let score = &at.score;
-        (score.total >= total || score.best >= PERFECT && score.total >= FOUND_AGAIN.1)
+        (score.total >= total || score.best >= K.covered_best && score.total >= K.again_total)
             && score.best >= self.params.best_found.max(part * self.usual.1)
-            && score.agreeing >= AGREEING.0
-            && score.agree >= AGREEING.1
+            && score.agreeing >= K.agreeing_blocks
+            && score.agree >= K.agreeing_share
     }
 
     /// Looks for the exposure that explains best, over the last frames, how an object that moves fast is blurred.
     fn learn_exposure(&mut self, frame: &Frame, pose: &Mat3) {
         let judge = self.params.best_judge;
-        if self.aligner.way(pose) < FAST {
+        if self.aligner.way(pose) < K.fast {
             return;
         }
         self.moved += 1;
-        if self.moved > OFTEN && self.aligner.smear.exposure == 0.0 && !self.moved.is_multiple_of(OFTEN) {
+        if self.moved > K.exposure_every
+            && self.aligner.smear.exposure == 0.0
+            && !self.moved.is_multiple_of(K.exposure_every)
+        {
             return;
         }
         let mut sharp = 0.0;
         for (k, gain) in self.gains.iter_mut().enumerate() {
-            self.aligner.smear.exposure = k as f64 / EXPOSURES as f64;
+            self.aligner.smear.exposure = k as f64 / K.exposures as f64;
             let total = self.aligner.assess(frame, pose, judge).total;
             if k == 0 {
                 sharp = total;
             }
-            *gain += (total - sharp - *gain) * FOLLOW.max(1.0 / self.moved as f64);
+            *gain += (total - sharp - *gain) * K.follow.max(1.0 / self.moved as f64);
         }
-        let gains = &self.gains;
-        let best = (0..=EXPOSURES).fold(0, |best, k| if gains[k] > gains[best] { k } else { best });
-        self.aligner.smear.exposure = if gains[best] < SURER {
+        let gains = &self.gains[..];
+        let best = (0..=K.exposures).fold(0, |best, k| if gains[k] > gains[best] { k } else { best });
+        self.aligner.smear.exposure = if gains[best] < K.blur_gain {
             0.0
         } else {
             // The top of the parabola through it and its neighbours.
-            let (below, above) = (gains[best - 1], gains[(best + 1).min(EXPOSURES)]);
+            let (below, above) = (gains[best - 1], gains[(best + 1).min(K.exposures)]);
             let bend = below - 2.0 * gains[best] + above;
             let top = if bend < 0.0 {
                 0.5 * (below - above) / bend
             } else {
                 0.0
             };
-            ((best as f64 + top.clamp(-0.5, 0.5)) / EXPOSURES as f64).min(1.0)
+            ((best as f64 + top.clamp(-0.5, 0.5)) / K.exposures as f64).min(1.0)
         };
     }
 
@@ -261,7 +264,7 @@ impl Best {
         if x >= 0.0 && y >= 0.0 && x < frame.width() as f64 && y < frame.height() as f64 {
             self.pose = next;
         }
-        self.speed = self.speed.map(|v| v * SLOWER);
+        self.speed = self.speed.map(|v| v * K.slower);
     }
 
     /// Moves to a pose; flow follows the blocks that agree there.
@@ -274,7 +277,7 @@ impl Best {
             let [from, to] = [&self.pose, &pose].map(|p| homography::apply(p, [0.0; 2]));
             self.speed = [to[0] - from[0], to[1] - from[1]];
         } else {
-            self.speed = self.speed.map(|v| v * SLOWER);
+            self.speed = self.speed.map(|v| v * K.slower);
         }
         self.pose = pose;
         let judge = self.params.best_judge;
@@ -311,7 +314,7 @@ impl Tracker for Best {
         self.doubtful = 0;
         self.unsure = 0;
         self.scans = 0;
-        self.gains = [0.0; EXPOSURES + 1];
+        self.gains.fill(0.0);
         self.moved = 0;
         self.lost = 0;
         self.settle(frame, self.pose);
@@ -331,10 +334,10 @@ impl Tracker for Best {
         let (best, coast) = self.locate(frame);
         self.aligner.smear.back = back;
         let score = best.map_or(Score::default(), |b| b.score);
-        let sure = best.is_some_and(|b| self.found(&b) && b.score.total >= SURE);
+        let sure = best.is_some_and(|b| self.found(&b) && b.score.total >= K.sure_total);
         self.unsure = if sure { 0 } else { self.unsure + 1 };
         if let Some(b) = best.filter(|b| self.found(b)) {
-            if score.total >= SURE {
+            if score.total >= K.sure_total {
                 self.learn_exposure(frame, &b.pose);
             }
             self.settle(frame, b.pose);

@@ -1,27 +1,10 @@
 //! The template, turned and scaled, compared block by block with a coarse level of the image at every place there.
 
+use super::constants::K;
 use super::view::Base;
 use crate::geom::{Corners, Mat3, homography};
 use crate::image::Frame;
 use crate::kernels::{self, Border, SCAN_SLACK};
-
-/// Least points that places are compared with: the coarsest level with so many is scanned.
-const POINTS: f64 = 110.0;
-/// Side of a block, px of the level, and fewest and most of them along a side of the template.
-const BLOCK: f64 = 5.5;
-const BLOCKS: (f64, f64) = (2.0, 4.0);
-/// Fewest points and least standard deviation of a block.
-const LEAST: (usize, f32) = (8, 1.2);
-/// What is next to the object at its border is not part of it.
-const INSET: f64 = 0.03;
-/// What a place at the border of the scan must be better by.
-const NEARER: f32 = 0.02;
-/// How many places each scan yields, and least distance between them, as a fraction of the object's size.
-const PEAKS: usize = 2;
-const APART: f64 = 0.25;
-/// Least mean, and least standard deviation of the means of all places.
-const FAINT: f32 = 0.02;
-const SPREAD: f32 = 0.01;
 
 /// A pose at which the template agrees better than around it, and by how much: the mean of the cubed correlations of blocks
 /// above that of all places, in standard deviations of those.
@@ -70,7 +53,7 @@ impl Scanner {
 
     /// Level of the image for an object of some area, px²: the coarsest with enough points.
     fn level(frame: &Frame, area: f64) -> usize {
-        let octaves = libm::log2((area / POINTS).max(1.0)) / 2.0;
+        let octaves = libm::log2((area / K.scan_points).max(1.0)) / 2.0;
         (octaves as usize).min(frame.levels() - 1)
     }
 
@@ -88,7 +71,9 @@ impl Scanner {
         let from_unit = f64::from(1u32 << from);
         let back = pose.try_inverse()?;
         let square = homography::from_corners(&self.quad, &Corners::rect(0.0, 0.0, 1.0, 1.0))?;
-        let along = (area.sqrt() / unit / BLOCK).round().clamp(BLOCKS.0, BLOCKS.1);
+        let along = (area.sqrt() / unit / K.scan_block)
+            .round()
+            .clamp(K.scan_blocks_least, K.scan_blocks_most);
         let range = |c: usize| {
             let values = corners.0.map(|p| p[c] / unit);
             let low = values.iter().fold(f64::INFINITY, |a, b| a.min(*b));
@@ -100,7 +85,7 @@ impl Scanner {
             for x in range(0) {
                 let at = homography::apply(&back, [x as f64 * unit, y as f64 * unit]);
                 let st = homography::apply(&square, at);
-                if st.iter().all(|v| (INSET..=1.0 - INSET).contains(v)) {
+                if st.iter().all(|v| (K.scan_inset..=1.0 - K.scan_inset).contains(v)) {
                     let block = (st[1] * along) as usize * along as usize + (st[0] * along) as usize;
                     let place = std::array::from_fn(|c| {
                         ((self.base.centre[c] + self.base.unit * at[c]) / from_unit) as f32
@@ -134,7 +119,7 @@ impl Scanner {
             let n = points.len() as f32;
             let mean = values.iter().sum::<f32>() / n;
             let norm = values.iter().map(|v| (v - mean) * (v - mean)).sum::<f32>().sqrt();
-            if points.len() < LEAST.0 || norm < LEAST.1 * n.sqrt() {
+            if points.len() < K.scan_block_points || norm < K.scan_texture * n.sqrt() {
                 continue;
             }
             let bound = |c: usize, better: fn(isize, isize) -> isize| {
@@ -215,18 +200,18 @@ impl Scanner {
         for (i, (total, inside)) in self.totals.iter_mut().zip(&self.inside).enumerate() {
             let dx = left + (i % cols) as isize - middle[0];
             let dy = top + (i / cols) as isize - middle[1];
-            *total /= inside + (blocks - inside) / 2.0;
-            *total -= NEARER * ((dx * dx + dy * dy) as f32 * far).sqrt();
+            *total /= inside + (blocks - inside) / K.scan_outside;
+            *total -= K.scan_nearer * ((dx * dx + dy * dy) as f32 * far).sqrt();
         }
         // With few blocks more places look a little like the template.
         let n = count as f32;
         let mean = self.totals.iter().sum::<f32>() / n;
         let squares = self.totals.iter().map(|t| (t - mean) * (t - mean)).sum::<f32>();
-        let spread = (squares / n).sqrt().max(SPREAD);
-        let apart = ((APART * area.sqrt() / unit) as isize).max(1);
-        for _ in 0..PEAKS {
+        let spread = (squares / n).sqrt().max(K.scan_spread);
+        let apart = ((K.scan_apart * area.sqrt() / unit) as isize).max(1);
+        for _ in 0..K.scan_peaks {
             let best = (0..count).max_by(|a, b| self.totals[*a].total_cmp(&self.totals[*b]).then(b.cmp(a)));
-            let Some(best) = best.filter(|b| self.totals[*b] > FAINT) else {
+            let Some(best) = best.filter(|b| self.totals[*b] > K.scan_faint) else {
                 break;
             };
             let (x, y) = ((best % cols) as isize, (best / cols) as isize);

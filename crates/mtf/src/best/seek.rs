@@ -1,42 +1,12 @@
 //! Where the object may be in a frame: candidates from motion, flow, searches and key points, each aligned and judged.
 
+use super::Best;
 use super::align::Score;
-use super::{Best, FOUND, SURE};
+use super::constants::K;
 use crate::consensus::Homographies;
 use crate::geom::{Mat3, homography};
 use crate::image::Frame;
 use crate::tracker::Tracker;
-
-/// What a later candidate must be better by, around the last place and elsewhere.
-const MARGIN: (f64, f64) = (0.03, 0.1);
-/// Total from which no other blur is tried, and what blur must be better by than none.
-const CLEAR: f64 = 0.97;
-const BLURRED: f64 = 0.015;
-/// Farthest that an object may be from where it was expected to count as near, as a fraction of its size.
-const NEAR: f64 = 0.5;
-/// Fewest points that flow is believed with, and least share of them.
-const FLOW: (usize, f64) = (8, 0.6);
-/// Turns, degrees, and magnifications of the scan around the last place.
-const TURNS: [f64; 7] = [0.0, -18.0, 18.0, -36.0, 36.0, -55.0, 55.0];
-const ZOOMS: [f64; 3] = [1.0, 0.75, 1.35];
-/// Those of the scan of the whole image: turns to a full circle, magnifications relative to the template.
-const AROUND: usize = 12;
-const SIZES: [f64; 5] = [1.0, 0.7, 1.4, 0.5, 2.0];
-/// How many of all their pairs are tried in a frame, and the step through them, prime to their number.
-const SHARE: usize = 20;
-const STRIDE: usize = 23;
-/// How much wider the scan around the last place is than the first one.
-const FARTHER: f64 = 3.0;
-/// Frames for which it is looked for around the last place first.
-const FRESH: usize = 6;
-/// Most steps at each coarse level from a place of a scan.
-const STEPS: u32 = 7;
-/// Contrast from which a place is no coincidence, standard deviations.
-const STANDS_OUT: f32 = 9.0;
-/// Points that poses of a scan are first aligned with, most of those, most that are aligned with as many points as others,
-/// and most that are aligned to the end.
-const GLANCE: usize = 200;
-const KEPT: (usize, usize, usize) = (10, 3, 2);
 
 /// A pose with its score.
 #[derive(Clone, Copy, Debug)]
@@ -57,12 +27,12 @@ impl Best {
         }
         let expected = self.aligned(frame, start);
         let mut sharp = None;
-        if exposure > 0.0 && self.blurred.is_none() && expected.is_none_or(|b| b.1.total < CLEAR) {
+        if exposure > 0.0 && self.blurred.is_none() && expected.is_none_or(|b| b.1.total < K.clear_total) {
             self.aligner.smear.exposure = 0.0;
             sharp = self.aligned(frame, start);
         }
         self.aligner.smear.exposure = exposure;
-        let clearer = |b: &(Mat3, Score)| sharp.is_none_or(|s| b.1.total > s.1.total + BLURRED);
+        let clearer = |b: &(Mat3, Score)| sharp.is_none_or(|s| b.1.total > s.1.total + K.blurred_margin);
         let blurred = expected.filter(clearer);
         let Some((pose, score)) = blurred.or(sharp) else {
             return;
@@ -84,7 +54,7 @@ impl Best {
     fn candidate(&self, pose: Mat3, score: Score) -> Candidate {
         let (to, from) = (self.aligner.corners(&pose), self.aligner.corners(&self.expected));
         let far = (to.distance_squared(&from) / 4.0).sqrt();
-        let near = far <= NEAR * from.signed_area().abs().sqrt();
+        let near = far <= K.near_distance * from.signed_area().abs().sqrt();
         Candidate { pose, score, near }
     }
 
@@ -93,7 +63,7 @@ impl Best {
         let better = |b: &Candidate| {
             let found = (self.found(&new), self.found(b));
             if found.0 == found.1 {
-                let margin = if new.near { MARGIN.0 } else { MARGIN.1 };
+                let margin = if new.near { K.near_margin } else { K.far_margin };
                 new.score.total > b.score.total + margin
             } else {
                 found.0
@@ -118,7 +88,7 @@ impl Best {
             }
         }
         self.previous = Some(previous);
-        if self.from.len() < FLOW.0 {
+        if self.from.len() < K.flow_points {
             return None;
         }
         let pose = self
@@ -126,7 +96,7 @@ impl Best {
             .estimate(&Homographies, &self.from, &self.to)
             .ok()?;
         let agreed = self.estimator.inliers().iter().filter(|i| **i).count();
-        let sure = agreed >= FLOW.0 && agreed as f64 >= FLOW.1 * self.nodes.len() as f64;
+        let sure = agreed >= K.flow_points && agreed as f64 >= K.flow_share * self.nodes.len() as f64;
         Some((pose / pose[(2, 2)], sure && self.aligner.sound(&pose, frame)))
     }
 
@@ -162,7 +132,10 @@ impl Best {
                 .iter()
                 .map(|place| (place.pose, Score::default(), place.contrast)),
         );
-        for (points, most, most_steps) in [(GLANCE, kept.1, 4), (judge, kept.2, STEPS)] {
+        for (points, most, most_steps) in [
+            (K.glance_points, kept.1, K.glance_steps),
+            (judge, kept.2, K.place_steps),
+        ] {
             for (pose, score, _) in &mut coarse {
                 let aligned = self.aligner.coarse(frame, pose, points, most_steps);
                 let (next, reached, n) = aligned.unwrap_or((*pose, Score::default(), 0));
@@ -177,7 +150,7 @@ impl Best {
                 && self.aligner.ordinary(&pose)
             {
                 let mut new = self.candidate(pose, score);
-                new.near |= *contrast >= STANDS_OUT;
+                new.near |= *contrast >= K.stands_out;
                 self.offer(new, best);
             }
         }
@@ -202,7 +175,7 @@ impl Best {
     /// The best pose in a frame, and that of flow where it may be believed.
     pub(super) fn locate(&mut self, frame: &Frame) -> (Option<Candidate>, Option<Mat3>) {
         let enough = self.params.best_enough * self.usual.0;
-        let certain = FOUND.1 * self.usual.1;
+        let certain = K.certain_part * self.usual.1;
         let judge = self.params.best_judge;
         let hold = self.pose;
         let ahead = self.motion * hold;
@@ -215,8 +188,9 @@ impl Best {
         let mut best = None;
         let mut coast = None;
         let good = |this: &Self, best: &Option<Candidate>, total: f64, part: f64| {
-            best.as_ref()
-                .is_some_and(|b| this.found(b) && b.score.total >= total.max(SURE) && b.score.best >= part)
+            best.as_ref().is_some_and(|b| {
+                this.found(b) && b.score.total >= total.max(K.sure_total) && b.score.best >= part
+            })
         };
         self.attempt(frame, &first, &mut best);
         if good(self, &best, enough, 0.0) {
@@ -230,7 +204,9 @@ impl Best {
             return (best, None);
         }
         let reach = self.params.best_reach;
-        self.sweep(frame, [first], reach, (1, 1, 1), &mut best);
+        let kept = (K.kept_glanced, K.kept_judged, K.kept_aligned);
+        let nearest = (K.near_places, K.near_places, K.near_places);
+        self.sweep(frame, [first], reach, nearest, &mut best);
         // What covers the object does so little by little; when much of it disagrees at once, the pose is wrong.
         let sudden = self.params.best_enough * self.usual.0.min(self.last);
         if good(self, &best, sudden, certain) {
@@ -238,18 +214,21 @@ impl Best {
         }
         // All of this in the first frame, then by turns, more often while there is nothing to go by.
         let held = best.as_ref().is_some_and(|b| self.found(b));
-        let turn = self.unsure % if held { 6 } else { 4 };
+        let turn = self.unsure % if held { K.held_cycle } else { K.lost_cycle };
         let (around, keys, all) = if self.unsure == 0 {
             (true, true, true)
         } else if held {
             (turn == 0, turn == 2, turn == 4)
         } else {
-            (turn == 0 || self.unsure < FRESH, turn == 2, turn % 2 == 1)
+            (turn == 0 || self.unsure < K.fresh, turn == 2, turn % 2 == 1)
         };
         if around {
-            let near = |i: usize| Self::turned(&first, TURNS[i / ZOOMS.len()], ZOOMS[i % ZOOMS.len()]);
-            let poses = (0..TURNS.len() * ZOOMS.len()).map(near);
-            self.sweep(frame, poses, FARTHER * reach, KEPT, &mut best);
+            let (a, b, c) = (K.turn_small, K.turn_middle, K.turn_large);
+            let turns = [0.0, -a, a, -b, b, -c, c];
+            let zooms = [1.0, K.zoom_out, K.zoom_in];
+            let poses = (0..turns.len() * zooms.len())
+                .map(|i| Self::turned(&first, turns[i / zooms.len()], zooms[i % zooms.len()]));
+            self.sweep(frame, poses, K.farther * reach, kept, &mut best);
             if good(self, &best, 0.0, certain) {
                 return (best, coast);
             }
@@ -265,17 +244,30 @@ impl Best {
         if all && !good(self, &best, 0.0, 0.0) {
             // It may be anywhere, and look like anything: a part of all this at a time.
             let upright = self.aligner.upright(frame);
-            let shift = self.scans * SHARE;
+            let shift = self.scans * K.whole_share;
+            let sizes = [
+                1.0,
+                K.size_smaller,
+                K.size_larger,
+                K.size_smallest,
+                K.size_largest,
+            ];
             self.scans += 1;
             let every = |i: usize| {
-                let i = (shift + i) * STRIDE % (AROUND * SIZES.len());
+                let i = (shift + i) * K.whole_stride % (K.whole_turns * sizes.len());
                 Self::turned(
                     &upright,
-                    360.0 / AROUND as f64 * (i % AROUND) as f64,
-                    SIZES[i / AROUND],
+                    360.0 / K.whole_turns as f64 * (i % K.whole_turns) as f64,
+                    sizes[i / K.whole_turns],
                 )
             };
-            self.sweep(frame, (0..SHARE).map(every), f64::INFINITY, KEPT, &mut best);
+            self.sweep(
+                frame,
+                (0..K.whole_share).map(every),
+                f64::INFINITY,
+                kept,
+                &mut best,
+            );
         }
         (best, coast)
     }

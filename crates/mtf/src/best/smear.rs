@@ -3,18 +3,12 @@
 //! If the object's pose was `A` in the frame before and is `B` now, then a pixel that shows `B x` has seen the template at
 //! `x + τ (A⁻¹ B x - x)`, `τ` from `-e/2` to `e/2`, with the exposure `e` as a fraction of the time between frames.
 
+use super::constants::K;
 use super::view::{Base, TEMPLATE, View, WARP, columns};
 use crate::geom::{Mat3, homography};
 use crate::image::Frame;
 use crate::kernels::{self, Border, Covectors};
 
-/// Longest way below which a view stays sharp, px of its level.
-const SHARP: f64 = 1.0;
-/// Most places along the way, and longest way, as a fraction of half the object's side.
-const PLACES: usize = 12;
-const LONGEST: f64 = 0.4;
-/// Change of the way that is worth another average, px of the level.
-const SAME: f64 = 0.35;
 /// The object's corners, about.
 const AROUND: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
 
@@ -76,17 +70,17 @@ impl Smear {
             let Some(m) = &motion else { return [0.0; 2] };
             let y = homography::apply(m, x);
             let d = [y[0] - x[0], y[1] - x[1]].map(|v| v * self.exposure);
-            let cut = (LONGEST / libm::hypot(d[0], d[1])).min(1.0);
+            let cut = (K.smear_longest / libm::hypot(d[0], d[1])).min(1.0);
             d.map(|v| v * cut)
         };
         let scale = base.unit / unit;
         let mut ways = AROUND.map(way);
         let length = |w: &[f64; 2]| libm::hypot(w[0], w[1]) * scale;
         let longest = ways.iter().map(length).fold(0.0, f64::max);
-        if longest.is_nan() || longest < SHARP {
+        if longest.is_nan() || longest < K.sharp {
             ways = [[0.0; 2]; 4];
         }
-        let changed = |(a, b): (&[f64; 2], &[f64; 2])| length(&[a[0] - b[0], a[1] - b[1]]) > SAME;
+        let changed = |(a, b): (&[f64; 2], &[f64; 2])| length(&[a[0] - b[0], a[1] - b[1]]) > K.smear_same;
         let still = ways == [[0.0; 2]; 4];
         if rest.way == ways || !still && !ways.iter().zip(&rest.way).any(changed) {
             return;
@@ -97,7 +91,7 @@ impl Smear {
             return;
         }
         let n = view.len();
-        let places = (longest.ceil() as usize).clamp(2, PLACES);
+        let places = (longest.ceil() as usize).clamp(2, K.smear_places);
         self.ways.clear();
         let points = view.x.iter().zip(&view.y);
         self.ways.extend(points.map(|(x, y)| {

@@ -1,5 +1,6 @@
 //! The template at one level of the image pyramid: points on the pixels of that level inside the object, in blocks.
 
+use super::constants::K;
 use crate::geom::{Corners, homography};
 use crate::image::{Frame, Image};
 use crate::kernels::{self, Border, Column, Covectors, Jacobian};
@@ -10,19 +11,6 @@ pub(super) const WARP: usize = 8;
 pub(super) const IMAGE: usize = WARP;
 pub(super) const TEMPLATE: usize = WARP + 1;
 pub(super) const ONES: usize = WARP + 2;
-/// Side of a block, points, and how many blocks there are along a side: at least where there is little to see, else at
-/// least, and at most.
-const BLOCK: f64 = 8.0;
-const BLOCKS: [f64; 3] = [3.0, 4.0, 8.0];
-/// Least variance within the median block, as a fraction of that of the whole.
-const CONTENT: f64 = 0.1;
-/// Fewest points per block along a side, and in all.
-const LEAST: (f64, usize) = (4.0, 10);
-/// Fewest points of a view.
-const FEWEST: usize = 60;
-/// Standard deviation of intensity from which a block has texture.
-const TEXTURE: f64 = 1.2;
-
 /// Origin and unit of the base frame in the template's frame, px: its coordinates are about -1 to 1.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Base {
@@ -112,7 +100,7 @@ impl View {
             stride += 1;
         }
         // What is next to the object at the border is not part of it.
-        let inset = sides.map(|s| (1.0 / s).min(0.04));
+        let inset = sides.map(|s| (K.view_inset / s).min(K.view_inset_share));
         let bounds = |c: usize, size: usize| {
             let low = quad.0.iter().map(|p| p[c]).fold(f64::INFINITY, f64::min);
             let high = quad.0.iter().map(|p| p[c]).fold(f64::NEG_INFINITY, f64::max);
@@ -130,15 +118,18 @@ impl View {
             }
         }
         // Blocks so large that there is something to see in most of them.
-        let mut side = BLOCK;
+        let mut side = K.block_side;
         let (mut px, mut py, mut ends, mut cells);
         loop {
             let grid = sides.map(|s| {
                 let points = s / stride as f64;
-                let wanted = (points / side)
-                    .round()
-                    .clamp(BLOCKS[usize::from(side == BLOCK)], BLOCKS[2]);
-                wanted.min((points / LEAST.0).floor()).max(1.0)
+                let least = if side == K.block_side {
+                    K.blocks_least
+                } else {
+                    K.blocks_plain
+                };
+                let wanted = (points / side).round().clamp(least, K.blocks_most.max(least));
+                wanted.min((points / K.block_pitch).floor()).max(1.0)
             });
             let cell = |p: &([f64; 2], usize, usize)| {
                 (p.0[1] * grid[1]) as usize * grid[0] as usize + (p.0[0] * grid[0]) as usize
@@ -147,7 +138,7 @@ impl View {
             (px, py, ends, cells) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
             let (mut within, mut blocks) = (Vec::new(), 0.0);
             for block in points.chunk_by(|a, b| cell(a) == cell(b)) {
-                if block.len() >= LEAST.1 {
+                if block.len() >= K.block_points {
                     px.extend(block.iter().map(|p| p.1 as f32));
                     py.extend(block.iter().map(|p| p.2 as f32));
                     ends.push(px.len());
@@ -159,13 +150,15 @@ impl View {
             }
             within.sort_unstable_by(f64::total_cmp);
             let usual = within.get(within.len() / 2).copied().unwrap_or(0.0);
-            if usual >= CONTENT * variance(image, &points) || blocks <= BLOCKS[0] * BLOCKS[0] {
+            if usual >= K.block_content * variance(image, &points)
+                || blocks <= K.blocks_plain * K.blocks_plain
+            {
                 break;
             }
-            side *= 1.5;
+            side *= K.block_growth;
         }
         let n = px.len();
-        if n < FEWEST {
+        if n < K.view_points {
             return None;
         }
         let (mut value, mut gx, mut gy) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
@@ -235,7 +228,7 @@ impl View {
             block.mean = values.clone().sum::<f64>() / block.count;
             let squares = values.map(|v| (v - block.mean).powi(2)).sum::<f64>();
             block.deviation = (squares / block.count).sqrt();
-            block.textured = block.deviation >= TEXTURE;
+            block.textured = block.deviation >= K.texture;
         }
     }
 

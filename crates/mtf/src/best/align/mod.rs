@@ -11,6 +11,7 @@ mod step;
 
 pub(super) use score::Score;
 
+use super::constants::K;
 use super::smear::Smear;
 use super::view::{Base, View, WARP, columns};
 use crate::geom::solve::SymMatrix;
@@ -18,18 +19,6 @@ use crate::geom::{Corners, Mat3, homography};
 use crate::image::Frame;
 use crate::kernels::{self, Column};
 use score::Seen;
-
-/// Largest change of size since the first frame, octaves.
-const ZOOM: f64 = 2.5;
-/// Least depth of a corner, as a fraction of that of the object's middle, and least where the object has just been found.
-const NEAREST: (f64, f64) = (0.03, 0.4);
-/// Largest ratio of the magnifications along and across the direction in which the object is stretched most, and where it
-/// has just been found.
-const STRETCH: (f64, f64) = (8.0, 3.5);
-/// Places along a side of the grid that tells how much is seen.
-const GRID: usize = 6;
-/// Mean correlation of the best blocks below which nothing is there.
-const NOTHING: f64 = 0.35;
 
 /// The views of a template and what aligning them takes.
 #[derive(Debug, Default)]
@@ -69,10 +58,12 @@ impl Aligner {
         let Some(square) = homography::from_corners(&Corners::rect(0.0, 0.0, 1.0, 1.0), &self.quad) else {
             return false;
         };
-        let at = |k: usize| (k as f64 + 0.5) / GRID as f64;
+        let at = |k: usize| (k as f64 + 0.5) / K.sight_grid as f64;
         self.grid.clear();
-        self.grid
-            .extend((0..GRID * GRID).map(|k| homography::apply(&square, [at(k % GRID), at(k / GRID)])));
+        self.grid.extend(
+            (0..K.sight_grid * K.sight_grid)
+                .map(|k| homography::apply(&square, [at(k % K.sight_grid), at(k / K.sight_grid)])),
+        );
         let base = self.base;
         self.views.clear();
         let levels = 0..frame.levels();
@@ -142,19 +133,23 @@ impl Aligner {
     /// Whether a pose shows the front of the object before the camera, some of it in the image, at a sensible size.
     pub fn sound(&self, pose: &Mat3, frame: &Frame) -> bool {
         let corners = self.corners(pose);
-        let ahead = |c: &[f64; 2]| Self::depth(pose, *c) > NEAREST.0;
+        let ahead = |c: &[f64; 2]| Self::depth(pose, *c) > K.nearest_depth;
         corners.is_finite()
             && corners.is_convex()
             && corners.signed_area() * self.quad.signed_area() > 0.0
             && pose[(2, 2)] > 0.0
             && self.quad.0.iter().all(ahead)
-            && Self::stretch(pose) < STRETCH.0
-            && self.zoom(pose, frame).is_some_and(|z| z.abs() < ZOOM)
+            && Self::stretch(pose) < K.stretch_limit
+            && self.zoom(pose, frame).is_some_and(|z| z.abs() < K.zoom_limit)
     }
 
     /// Whether a sound pose is an ordinary one, which the object may be found at out of nothing.
     pub fn ordinary(&self, pose: &Mat3) -> bool {
-        self.quad.0.iter().all(|c| Self::depth(pose, *c) > NEAREST.1) && Self::stretch(pose) < STRETCH.1
+        self.quad
+            .0
+            .iter()
+            .all(|c| Self::depth(pose, *c) > K.ordinary_depth)
+            && Self::stretch(pose) < K.ordinary_stretch
     }
 
     /// Depth of a place, as a fraction of that of the object's middle.
@@ -239,8 +234,8 @@ impl Aligner {
 
     /// Aligns from a pose, coarse to fine; the pose and its score, and iterations.
     pub fn align(&mut self, frame: &Frame, start: &Mat3, points: usize) -> Option<(Mat3, Score, u32)> {
-        let (mut pose, mut score, mut iterations) = self.coarse(frame, start, points, 10)?;
-        if score.best >= NOTHING {
+        let (mut pose, mut score, mut iterations) = self.coarse(frame, start, points, K.coarse_steps)?;
+        if score.best >= K.nothing_best {
             self.fine(frame, (&mut pose, &mut score, &mut iterations), points);
         }
         Some((pose, score, iterations))
@@ -265,7 +260,7 @@ impl Aligner {
         let mut score = first;
         for k in (judge..=self.top(&pose, frame)).rev() {
             let mut next = pose;
-            let Some(n) = self.refine(frame, &mut next, k, most, 0.03) else {
+            let Some(n) = self.refine(frame, &mut next, k, most, K.coarse_epsilon) else {
                 continue;
             };
             (pose, iterations) = (next, iterations + n);
@@ -289,13 +284,18 @@ impl Aligner {
     ) {
         for k in (0..self.judge(pose, frame, points)).rev() {
             let mut finer = *pose;
-            let Some(n) = self.refine(frame, &mut finer, k, 8, if k == 0 { 0.01 } else { 0.03 }) else {
+            let epsilon = if k == 0 {
+                K.finest_epsilon
+            } else {
+                K.coarse_epsilon
+            };
+            let Some(n) = self.refine(frame, &mut finer, k, K.fine_steps, epsilon) else {
                 break;
             };
             *iterations += n;
             let now = self.assess(frame, &finer, points);
             // Where motion blurs the image, there may be nothing to see at finer levels.
-            if now.total < score.total - 0.03 {
+            if now.total < score.total - K.finer_loss {
                 break;
             }
             (*pose, *score) = (finer, now);

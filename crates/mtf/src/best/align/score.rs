@@ -1,17 +1,12 @@
 //! How well the template agrees with an image at a pose, block by block.
 
 use super::Aligner;
+use crate::best::constants::K;
 use crate::best::view::TEMPLATE;
 use crate::geom::Mat3;
 use crate::image::{Frame, Image};
 use crate::kernels::{self, Border};
 
-/// Smallest and largest gain that a block's contrast is met with.
-const GAIN: (f64, f64) = (0.1, 10.0);
-/// Standard deviation of intensity below which there is no more than noise of rounding.
-const FLAT: f64 = 0.05;
-/// Correlation from which a block agrees.
-const AGREES: f64 = 0.7;
 /// How well the template agrees with the image at a pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::best) struct Score {
@@ -54,14 +49,14 @@ impl Aligner {
             let mean = m[0] / block.count;
             let deviation = (m[1] / block.count - mean * mean).max(0.0).sqrt();
             let covariance = m[2] / block.count - mean * block.mean;
-            let flat = deviation < FLAT || block.deviation < FLAT;
+            let flat = deviation < K.flat || block.deviation < K.flat;
             self.seen.push(Seen {
                 correlation: if flat {
                     0.0
                 } else {
                     (covariance / (deviation * block.deviation)).clamp(-1.0, 1.0)
                 },
-                gain: (block.deviation / deviation.max(FLAT)).clamp(GAIN.0, GAIN.1),
+                gain: (block.deviation / deviation.max(K.flat)).clamp(K.gain_least, K.gain_most),
                 visible,
                 weight: 0.0,
             });
@@ -87,10 +82,10 @@ impl Aligner {
         }
         self.sorted.sort_unstable_by(|a, b| b.total_cmp(a));
         let inside = self.sorted.len();
-        let part = (inside * 2).div_ceil(5);
-        let agreeing = self.sorted.iter().filter(|z| **z >= AGREES).count();
+        let part = (inside * K.best_fifths).div_ceil(5);
+        let agreeing = self.sorted.iter().filter(|z| **z >= K.agrees).count();
         Score {
-            total: sum / (inside as f64 + outside / 3.0),
+            total: sum / (inside as f64 + outside / K.outside_blocks),
             best: self.sorted[..part].iter().sum::<f64>() / part as f64,
             agree: agreeing as f64 / (inside as f64 + outside),
             agreeing,
@@ -118,7 +113,7 @@ impl Aligner {
         let (view, _) = self.pair(pose, frame, self.judge(pose, frame, points));
         let blocks = self.views[view].blocks.iter().zip(&self.seen);
         blocks
-            .filter(|(b, s)| b.textured && s.visible && s.correlation >= AGREES)
+            .filter(|(b, s)| b.textured && s.visible && s.correlation >= K.agrees)
             .map(|(b, _)| b.centre)
     }
 }

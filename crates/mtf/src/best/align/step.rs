@@ -1,30 +1,12 @@
 //! Robust Gauss-Newton steps at one level of the pyramid.
 
 use super::Aligner;
+use crate::best::constants::K;
 use crate::best::view::{IMAGE, ONES, TEMPLATE, WARP};
 use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::geom::{Mat3, homography};
 use crate::image::Frame;
 use crate::kernels::{self, Border, Covectors};
-
-/// Cut of the weights: multiple of the lower three tenths of the misfits, least and most.
-const CUT: (f64, f64, f64) = (2.5, 0.4, 1.3);
-/// The first iterations, and their least cut: blocks that are not yet aligned must not lose their say.
-const WIDE: (u32, f64) = (2, 0.9);
-/// How many times as much of the template is left unexplained with one gain and bias where light is uneven.
-const UNEVEN: f64 = 2.0;
-/// Levenberg-Marquardt damping.
-const DAMPING: f64 = 1e-4;
-/// Points from which all eight parameters are found, else six.
-const PROJECTIVE: usize = 250;
-/// Standard deviations of what a pose is expected to change by from where the alignment starts, in units of the base
-/// frame: shift, turn and scale, stretch and shear, perspective.
-const EXPECTED: [f64; 4] = [1.0, 0.5, 0.15, 0.08];
-/// Points whose residuals are as good as one independent one, and least variance of those.
-const ALIKE: f64 = 100.0;
-const NOISE: f64 = 4.0;
-/// Largest step, as a fraction of half the object's side.
-const STEP: f64 = 1.2;
 
 /// Normal equations with what gain and bias of the image may be projected out.
 #[derive(Clone, Copy, Debug, Default)]
@@ -55,7 +37,7 @@ impl Equations {
     }
 }
 
-/// Pairs of entries whose sum and difference over two are expected to be small, with the kinds of `EXPECTED`: shift, scale
+/// Pairs of entries whose sum and difference over two are expected to be small, with the kinds of what is expected: shift, scale
 /// and stretch, turn and shear, perspective.
 const KINDS: [(usize, usize, usize, usize); 4] = [(2, 5, 0, 0), (0, 4, 1, 2), (3, 1, 2, 1), (6, 7, 3, 3)];
 
@@ -63,8 +45,14 @@ impl Equations {
     /// Adds that the warp since the start, `I + deviation`, is expected to be small, with residuals of variance `noise`.
     fn expect(&mut self, deviation: &Mat3, noise: f64) {
         let entry = |k: usize| deviation[(k / 3, k % 3)];
+        let expected = [
+            K.expected_shift,
+            K.expected_turn,
+            K.expected_stretch,
+            K.expected_tilt,
+        ];
         for (a, b, sum, difference) in KINDS {
-            let [u, v] = [sum, difference].map(|k| ALIKE * noise / (EXPECTED[k] * EXPECTED[k]) / 2.0);
+            let [u, v] = [sum, difference].map(|k| K.alike * noise / (expected[k] * expected[k]) / 2.0);
             // u (p_a + p_b)² / 2 + v (p_a - p_b)² / 2
             let (same, cross) = ((u + v) / 2.0, (u - v) / 2.0);
             self.h[a][a] += same;
@@ -91,7 +79,8 @@ impl Aligner {
                 n += 1.0;
             }
             let around = if n > 0.0 { sum / n } else { own };
-            self.misfits.push((2.0 * own + around.max(own)) / 3.0);
+            self.misfits
+                .push((K.own_weight * own + around.max(own)) / (K.own_weight + 1.0));
         }
         self.sorted.clear();
         let counted = (0..self.seen.len()).filter(|k| counts(*k));
@@ -99,9 +88,9 @@ impl Aligner {
         if self.sorted.is_empty() {
             return;
         }
-        let rank = self.sorted.len() * 3 / 10;
+        let rank = self.sorted.len() * K.low_tenths / 10;
         let low = *self.sorted.select_nth_unstable_by(rank, f64::total_cmp).1;
-        let cut = (CUT.0 * low).clamp(least, CUT.2);
+        let cut = (K.cut_ratio * low).clamp(least, K.cut_most.max(least));
         for ((b, s), misfit) in view.blocks.iter().zip(&mut self.seen).zip(&self.misfits) {
             let t = 1.0 - (misfit / cut).powi(2);
             s.weight = if b.textured && s.visible && t > 0.0 {
@@ -139,7 +128,14 @@ impl Aligner {
                 &mut self.gy[..n],
             );
             self.look(view, image, outside);
-            self.weigh(view, if iteration <= WIDE.0 { WIDE.1 } else { CUT.1 });
+            self.weigh(
+                view,
+                if iteration <= K.wide_steps {
+                    K.wide_cut
+                } else {
+                    K.cut_least
+                },
+            );
             let v = &mut self.views[view];
             let mut first = 0;
             for (s, &last) in self.seen.iter().zip(&v.ends) {
@@ -166,7 +162,7 @@ impl Aligner {
                 }
             }
             v.work.col_mut(IMAGE).copy_from_slice(&self.value[..n]);
-            let order = if n < PROJECTIVE { 6 } else { WARP };
+            let order = if n < K.projective_points { 6 } else { WARP };
             let deviation = self.anchor * *pose;
             let deviation = deviation / deviation[(2, 2)] - Mat3::identity();
             let step = self.step(view, order, &deviation)?;
@@ -187,7 +183,8 @@ impl Aligner {
             }
             let moved = (sum / n).sqrt();
             // No point in sight leaves no number.
-            if moved.is_nan() || moved >= STEP * self.base.unit * libm::exp2(self.zoom(pose, frame)?) {
+            if moved.is_nan() || moved >= K.step_limit * self.base.unit * libm::exp2(self.zoom(pose, frame)?)
+            {
                 return None;
             }
             *pose = next;
@@ -216,12 +213,12 @@ impl Aligner {
         }
         let mut one = Equations::default();
         one.add(&self.sum, 1.0, order);
-        let used = if one.left < UNEVEN * each.left {
+        let used = if one.left < K.uneven * each.left {
             &mut one
         } else {
             &mut each
         };
-        let noise = (used.left / self.sum.get(ONES, ONES).max(1.0)).max(NOISE);
+        let noise = (used.left / self.sum.get(ONES, ONES).max(1.0)).max(K.noise);
         used.expect(deviation, noise);
         if self.system.order() != order {
             self.system = SymMatrix::new(order);
@@ -229,7 +226,7 @@ impl Aligner {
         self.system.fill(|a, b| -used.h[a.min(b)][a.max(b)]);
         let (mut x, mut work) = ([0.0; WARP], [0.0; WARP * WARP + WARP]);
         let g = used.g.map(|v| -v);
-        solve_negative(&self.system, DAMPING, &g[..order], &mut x[..order], &mut work).then_some(x)
+        solve_negative(&self.system, K.damping, &g[..order], &mut x[..order], &mut work).then_some(x)
     }
 }
 
