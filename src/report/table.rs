@@ -4,6 +4,7 @@ use super::{csv, json};
 use crate::metric::aggregate::{Results, SummaryRow, ascending, descending};
 use crate::metric::score::Score;
 use comfy_table::{CellAlignment, Table as Grid, presets};
+use mtf::registry::{hint, suggest};
 
 /// Form of what is printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -63,12 +64,8 @@ pub fn parse_sort(key: &str) -> Result<String, String> {
     if SORT_KEYS.contains(&key.as_str()) {
         return Ok(key);
     }
-    let distance = |k: &&&str| strsim::osa_distance(k, &key);
-    let near = SORT_KEYS.iter().min_by_key(distance).copied().unwrap_or("auc");
-    Err(format!(
-        "no column '{key}'; did you mean '{near}'? (one of {})",
-        SORT_KEYS.join(", ")
-    ))
+    let hint = hint(suggest(&key, SORT_KEYS.iter().copied()).as_deref());
+    Err(format!("no column '{key}'{hint} (one of {})", SORT_KEYS.join(", ")))
 }
 
 /// Pooled rows, best first by `key`; ties by id.

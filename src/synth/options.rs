@@ -5,7 +5,7 @@
 use super::motion::Model;
 use super::spec::{Background, FileType, Light, Mode, Source, SynthError, SynthSpec};
 use super::texture;
-use mtf::registry::suggest;
+use mtf::registry::{hint, suggest};
 use std::path::Path;
 
 /// An option of the notation.
@@ -210,8 +210,8 @@ fn source(name: &str) -> Result<Source, String> {
         return Ok(Source::Drawn(t.name));
     }
     let names: Vec<_> = texture::TEXTURES.iter().map(|t| t.name).collect();
-    let hint = suggest(name, names.iter().copied()).map_or(String::new(), |n| format!("did you mean {n}? "));
-    Err(format!("no such texture; {hint}there are {}", names.join(", ")))
+    let hint = hint(suggest(name, names.iter().copied()).as_deref());
+    Err(format!("no such texture{hint} (one of {})", names.join(", ")))
 }
 
 fn drawn(source: &Source) -> String {

@@ -12,6 +12,7 @@ mod harness;
 mod illumination;
 mod networks;
 mod nonrigid;
+mod own_models;
 mod robust;
 mod sampling;
 
@@ -28,6 +29,7 @@ fn main() -> std::process::ExitCode {
         illumination::TESTS,
         networks::TESTS,
         nonrigid::TESTS,
+        own_models::TESTS,
         robust::TESTS,
         sampling::TESTS,
     ])

@@ -13,6 +13,14 @@ use mtf::sm::{SmEntry, SmFamily};
 use mtf::ssm::{Projective, ProjectiveModel, StateSpaceModel, fit_truth};
 use mtf::tracker::{Stop, TrackError, Tracker, Update};
 
+crate::tests! {
+    they_are_listed_with_their_parameters;
+    sweeps_include_them;
+    a_model_of_ones_own_is_part_of_a_sum;
+    a_warp_of_ones_own_is_that_of_composites;
+    a_method_of_ones_own_is_a_member_of_composites;
+}
+
 mtf::params! {
     /// Parameters of [`Scaled`].
     pub struct ScaledParams {
@@ -232,7 +240,6 @@ fn expand(sm: &str, am: &str, ssm: &str, set: &[(&str, &str)]) -> Result<Vec<Str
     Ok(expansion.specs.iter().map(ToString::to_string).collect())
 }
 
-#[test]
 fn they_are_listed_with_their_parameters() {
     let registry = registry();
     assert!(registry.ams().iter().any(|e| e.name == "scaled"));
@@ -259,7 +266,6 @@ fn they_are_listed_with_their_parameters() {
     assert!(!builtin.params().iter().any(names));
 }
 
-#[test]
 fn sweeps_include_them() {
     let ids = expand(
         "esm,jog",
@@ -298,7 +304,6 @@ fn sweeps_include_them() {
     );
 }
 
-#[test]
 fn a_model_of_ones_own_is_part_of_a_sum() {
     let registry = registry();
     let spec = registry.parse("esm/sum/translation{am1=SC,am2=zncc}").unwrap();
@@ -322,7 +327,6 @@ fn a_model_of_ones_own_is_part_of_a_sum() {
     );
 }
 
-#[test]
 fn a_warp_of_ones_own_is_that_of_composites() {
     for text in [
         "esm/ssd/slide",
@@ -357,7 +361,6 @@ fn a_warp_of_ones_own_is_that_of_composites() {
     assert!(fitted.mean_distance(&START.translated(4.0, 0.0)) < 1e-9);
 }
 
-#[test]
 fn a_method_of_ones_own_is_a_member_of_composites() {
     let paced = end("jog/ssd/translation{pace=2}");
     assert!(paced.mean_distance(&START.translated(4.0, 0.0)) < 1e-9);
