@@ -65,7 +65,10 @@ pub fn parse_sort(key: &str) -> Result<String, String> {
         return Ok(key);
     }
     let hint = hint(suggest(&key, SORT_KEYS.iter().copied()).as_deref());
-    Err(format!("no column '{key}'{hint} (one of {})", SORT_KEYS.join(", ")))
+    Err(format!(
+        "no column '{key}'{hint} (one of {})",
+        SORT_KEYS.join(", ")
+    ))
 }
 
 /// Pooled rows, best first by `key`; ties by id.

@@ -1,12 +1,12 @@
 //! Models of a program's own, added to a registry, do what those of the crate do: they are listed, have parameters, take
 //! part in sweeps, are joined in sums, and are the warp of composites.
 
+use mtf::Jacobian;
 use mtf::am::{AppearanceModel, Capabilities, PatchShape, Side, Ssd};
 use mtf::entry::Part;
 use mtf::geom::solve::SymMatrix;
 use mtf::geom::{Corners, Mat3};
 use mtf::image::{Frame, Image};
-use mtf::kernels::Jacobian;
 use mtf::params::Params;
 use mtf::registry::{Registry, Selection};
 use mtf::sm::{SmEntry, SmFamily};
