@@ -151,15 +151,23 @@ fn complete(args: &mut ExperimentArgs, file: &ExperimentFile) -> Result<(), Expe
     or(&mut args.timeout, file, "timeout", positive)
 }
 
+/// Parameters with flags of their own, as far as they are given.
+fn common(args: &TrackerArgs) -> Vec<(String, String)> {
+    let flags = [
+        ("res", args.res.map(|r| r.to_string())),
+        ("max_iters", args.max_iters.map(|n| n.to_string())),
+        ("epsilon", args.epsilon.map(|x| x.to_string())),
+        ("channels", args.channels.map(|n| n.to_string())),
+    ];
+    let given = flags
+        .into_iter()
+        .filter_map(|(name, value)| Some((name.to_owned(), value?)));
+    given.collect()
+}
+
 /// Whether a flag says what the parameter `name` shall be.
 fn overridden(args: &TrackerArgs, name: &str) -> bool {
-    let flags = [
-        ("res", args.res.is_some()),
-        ("max_iters", args.max_iters.is_some()),
-        ("epsilon", args.epsilon.is_some()),
-        ("channels", args.channels.is_some()),
-    ];
-    flags.contains(&(name, true)) || args.set.iter().any(|(set, _)| set == name)
+    common(args).iter().chain(&args.set).any(|(set, _)| set == name)
 }
 
 /// The trackers asked for, with each of the `settings`, and the combinations that cannot work.
@@ -172,16 +180,7 @@ fn specs(
     registry: &Registry,
 ) -> Result<(Vec<TrackerSpec>, Vec<Refusal>), SpecError> {
     // Settings with flags of their own are parameters like any other; --set has the last word.
-    let common = [
-        ("res", args.res.map(|r| r.to_string())),
-        ("max_iters", args.max_iters.map(|n| n.to_string())),
-        ("epsilon", args.epsilon.map(|x| x.to_string())),
-        ("channels", args.channels.map(|n| n.to_string())),
-    ];
-    let common = common
-        .into_iter()
-        .filter_map(|(name, value)| Some((name.to_owned(), value?)));
-    let common: Vec<_> = common.collect();
+    let common = common(args);
     let mut selection = Selection {
         sm: args.sm.clone(),
         am: args.am.clone(),

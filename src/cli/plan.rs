@@ -35,11 +35,7 @@ pub struct PlanArgs {
 /// How to cut a plan: `N`, `slice:N` or `hash:N`.
 fn cut(text: &str) -> Result<(Cut, u32), String> {
     let (name, count) = text.trim().split_once(':').unwrap_or(("slice", text.trim()));
-    let cut = match name {
-        "slice" => Some(Cut::Slice),
-        "hash" => Some(Cut::Hash),
-        _ => None,
-    };
+    let cut: Option<Cut> = name.parse().ok();
     cut.zip(count.parse().ok().filter(|n| (1..=1_000_000).contains(n)))
         .ok_or_else(|| "expected a number of shards: N, slice:N or hash:N".into())
 }

@@ -96,10 +96,18 @@ impl fmt::Display for Protocol {
     }
 }
 
-impl FromStr for Protocol {
-    type Err = String;
+/// A text that names no protocol.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "unknown protocol '{0}'; expected ope, subseq[:n], reinit[:thresh[:skip]] or every[:k], with thresh in px above 0, \
+     the others from 1 to {LARGEST}"
+)]
+pub struct ProtocolError(String);
 
-    fn from_str(text: &str) -> Result<Protocol, String> {
+impl FromStr for Protocol {
+    type Err = ProtocolError;
+
+    fn from_str(text: &str) -> Result<Protocol, ProtocolError> {
         let text = text.trim().to_ascii_lowercase();
         let count = |n: &str| n.parse().ok().filter(|n| (1..=LARGEST).contains(n));
         let pixels = |x: &str| x.parse().ok().filter(|x: &f64| *x > 0.0 && *x < 1e6);
@@ -115,12 +123,7 @@ impl FromStr for Protocol {
             ["every", k] => count(k).map(Protocol::Every),
             _ => None,
         };
-        protocol.ok_or_else(|| {
-            format!(
-                "unknown protocol '{text}'; expected ope, subseq[:n], reinit[:thresh[:skip]] or every[:k], with thresh \
-                 in px above 0, the others from 1 to {LARGEST}"
-            )
-        })
+        protocol.ok_or(ProtocolError(text))
     }
 }
 
@@ -180,9 +183,9 @@ impl fmt::Display for Protocols {
 }
 
 impl FromStr for Protocols {
-    type Err = String;
+    type Err = ProtocolError;
 
-    fn from_str(text: &str) -> Result<Protocols, String> {
+    fn from_str(text: &str) -> Result<Protocols, ProtocolError> {
         let list: Vec<Protocol> = text.split(',').map(str::parse).collect::<Result<_, _>>()?;
         Ok(Protocols::new(list))
     }
@@ -252,7 +255,11 @@ mod tests {
             "every:0",
             "ope:3",
         ] {
-            assert!(bad.parse::<Protocol>().is_err(), "{bad}");
+            let said = bad.parse::<Protocol>().unwrap_err().to_string();
+            assert!(
+                said.starts_with(&format!("unknown protocol '{bad}'")) && said.ends_with("100000"),
+                "{said}"
+            );
         }
     }
 

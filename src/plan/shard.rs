@@ -34,6 +34,29 @@ impl fmt::Display for Cut {
     }
 }
 
+/// A text that names no shard, or no way to cut a plan.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ShardError {
+    /// No shard.
+    #[error("'{0}' is no shard; expected slice:i/n or hash:i/n with i from 1 to n")]
+    Shard(String),
+    /// No way to cut a plan.
+    #[error("'{0}' is no way to cut a plan; expected slice or hash")]
+    Cut(String),
+}
+
+impl FromStr for Cut {
+    type Err = ShardError;
+
+    fn from_str(text: &str) -> Result<Cut, ShardError> {
+        let named = [Cut::Slice, Cut::Hash]
+            .into_iter()
+            .find(|cut| cut.to_string() == text);
+        named.ok_or_else(|| ShardError::Cut(text.to_owned()))
+    }
+}
+
 /// One of `count` parts of a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
@@ -52,24 +75,19 @@ impl fmt::Display for Shard {
 }
 
 impl FromStr for Shard {
-    type Err = String;
+    type Err = ShardError;
 
-    fn from_str(text: &str) -> Result<Shard, String> {
+    fn from_str(text: &str) -> Result<Shard, ShardError> {
         let parse = || {
             let (cut, part) = text.trim().split_once(':')?;
             let (index, count) = part.split_once('/')?;
-            let cut = match cut {
-                "slice" => Cut::Slice,
-                "hash" => Cut::Hash,
-                _ => return None,
-            };
+            let cut = cut.parse().ok()?;
             let (index, count) = (index.parse().ok()?, count.parse().ok()?);
             (1..=count)
                 .contains(&index)
                 .then_some(Shard { cut, index, count })
         };
-        parse()
-            .ok_or_else(|| format!("'{text}' is no shard; expected slice:i/n or hash:i/n with i from 1 to n"))
+        parse().ok_or_else(|| ShardError::Shard(text.to_owned()))
     }
 }
 
