@@ -260,7 +260,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let (held, dead) = RunDir::open(dir.path(), false, &[]).unwrap();
         assert!(dead.is_none());
-        match RunDir::open(dir.path(), false) {
+        match RunDir::open(dir.path(), false, &[]) {
             Err(StoreError::Locked { holder, .. }) => {
                 let pid = format!("pid {}", std::process::id());
                 assert!(holder.contains(&pid), "{holder}")
@@ -304,7 +304,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join("thesis.tex"), "x").unwrap();
         assert!(matches!(
-            RunDir::open(dir.path(), true),
+            RunDir::open(dir.path(), true, &[]),
             Err(StoreError::NotARunDirectory(_))
         ));
         assert!(dir.path().join("thesis.tex").exists());
