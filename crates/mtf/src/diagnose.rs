@@ -20,8 +20,8 @@ use serde::Serialize;
 
 mod light;
 pub use light::illumination;
-pub(crate) use light::random_state as random_light;
-use light::{random_state, units};
+pub(crate) use light::random_light;
+use light::units;
 
 /// Tolerance of gradients: patches are single precision.
 const SINGLE: f64 = 1e-5;
@@ -622,7 +622,7 @@ pub fn chain(
     chain.ssm.set_state(&p).map_err(&error)?;
     let mut units_of_light = Vec::new();
     if let Some(light) = &mut chain.light {
-        let a = random_state(&**light, &mut r);
+        let a = random_light(&**light, &mut r);
         light.set_state(&a).map_err(&error)?;
         units_of_light = units(&**light);
     }

@@ -18,7 +18,7 @@ pub(super) fn units(light: &dyn IlluminationModel) -> Vec<f64> {
 }
 
 /// A state up to one unit from the identity.
-pub(crate) fn random_state(light: &dyn IlluminationModel, r: &mut Pcg64) -> Vec<f64> {
+pub(crate) fn random_light(light: &dyn IlluminationModel, r: &mut Pcg64) -> Vec<f64> {
     units(light)
         .into_iter()
         .map(|u| u * r.random_range(-1.0..1.0))
@@ -41,7 +41,7 @@ pub fn illumination(
     };
     light.init(pair.shape, false).map_err(failed(&subject))?;
     let mut r = Pcg64::seed_from_u64(seed);
-    let a = random_state(&*light, &mut r);
+    let a = random_light(&*light, &mut r);
     light.set_state(&a).map_err(failed(&subject))?;
     model
         .set_template(pair.shape, &pair.template)
