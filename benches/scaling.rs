@@ -8,6 +8,7 @@ use mtf::diagnose::Waves;
 use mtf::registry::Registry;
 use mtf_eval::dataset::{self, LoadOptions, Sequence};
 use mtf_eval::plan::{FrameLogs, RunRequest, TrackerEntry};
+use mtf_eval::report::Exporters;
 use mtf_eval::run;
 use std::error::Error;
 use std::fmt::Write as _;
@@ -67,7 +68,12 @@ fn time(
         .frame_logs(FrameLogs::None)
         .build()?;
     let begin = ProcessTime::try_now()?;
-    let report = run::run(&request, &run::Silent, &AtomicBool::new(false))?;
+    let report = run::run(
+        &request,
+        &Exporters::builtin(),
+        &run::Silent,
+        &AtomicBool::new(false),
+    )?;
     let seconds = begin.try_elapsed()?.as_secs_f64();
     assert!(report.failed.is_empty(), "{:?}", report.failed);
     Ok(seconds)

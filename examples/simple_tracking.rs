@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         );
         let error = sequence
             .truth(i)
-            .map_or(f64::NAN, |t| frame_error(&update.corners, &t).al);
+            .map_or(f64::NAN, |t| alignment_error(&update.corners, &t));
         println!(
             "{}: {:.3} px after {} iterations",
             sequence.frame_name(i),

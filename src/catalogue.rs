@@ -5,6 +5,8 @@
 //! `check` when it repeats a recorded command.
 
 use crate::dataset::Formats;
+use crate::metric::MetricSet;
+use crate::report::Exporters;
 use mtf::registry::Registry;
 use std::sync::Arc;
 
@@ -15,6 +17,10 @@ pub struct Catalogue {
     pub registry: Arc<Registry>,
     /// Formats of datasets.
     pub formats: Formats,
+    /// What is measured: columns, figures, curves, comparison and gates follow from it.
+    pub metrics: MetricSet,
+    /// The files that a run leaves behind.
+    pub exporters: Exporters,
 }
 
 impl Catalogue {
@@ -23,6 +29,8 @@ impl Catalogue {
         Catalogue {
             registry: Arc::new(Registry::builtin()),
             formats: Formats::builtin(),
+            metrics: MetricSet::builtin(),
+            exporters: Exporters::builtin(),
         }
     }
 }

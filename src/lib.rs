@@ -32,7 +32,7 @@ pub mod synth;
 /// What most programs need.
 pub mod prelude {
     pub use crate::dataset;
-    pub use crate::metric::error::frame_error;
+    pub use crate::metric::al::alignment_error;
     pub use crate::plan::{RunRequest, TrackerEntry};
     pub use mtf::prelude::*;
 }

@@ -2,7 +2,6 @@
 
 use mtf::image::{Frame, parse_preprocessor};
 use mtf_eval::dataset;
-use mtf_eval::metric::error::frame_error;
 use mtf_eval::prelude::*;
 
 crate::tests! {
@@ -26,7 +25,7 @@ fn success(sequence: &str, ids: &[&str]) -> Vec<f64> {
             if i == 0 {
                 tracker.init(&frame, &truth).unwrap();
             } else if let Ok(update) = tracker.update(&frame) {
-                *good += usize::from(frame_error(&update.corners, &truth).al <= 5.0);
+                *good += usize::from(alignment_error(&update.corners, &truth) <= 5.0);
             }
         }
     }

@@ -14,6 +14,7 @@ mod composites;
 mod custom_am;
 mod examples;
 mod extending_format;
+mod extending_metric_exporter;
 #[path = "../crates/mtf/tests/harness/mod.rs"]
 mod harness;
 mod illumination;
@@ -29,6 +30,9 @@ mod synth;
 mod trackers;
 
 fn main() -> std::process::ExitCode {
+    if std::env::var_os(extending_metric_exporter::PROGRAM).is_some() {
+        return extending_metric_exporter::program();
+    }
     harness::run(&[
         TESTS,
         accuracy::TESTS,
@@ -42,6 +46,7 @@ fn main() -> std::process::ExitCode {
         composites::TESTS,
         extending_format::TESTS,
         examples::TESTS,
+        extending_metric_exporter::TESTS,
         illumination::TESTS,
         nonrigid::TESTS,
         protocols::TESTS,

@@ -1,10 +1,12 @@
 //! Arguments that commands share, as clap takes them from the command line. No logic, no commands.
 
+use super::exit::Failure;
 use super::values::{
     assignment, at_least_one, at_least_two, channels, duration, non_negative, positive, resolution, size,
 };
+use crate::metric::MetricSet;
 use crate::plan::{Protocols, Shard};
-use crate::report::Format;
+use crate::report::{Format, TableOptions, parse_sort};
 use clap::{Args, ValueEnum};
 use mtf::params::Resolution;
 use std::path::PathBuf;
@@ -237,9 +239,24 @@ pub struct TableArgs {
     #[arg(long, value_name = "FORMAT", default_value = "table")]
     pub format: Format,
     /// Column to sort by, best first
-    #[arg(long, value_name = "COLUMN", default_value = "auc", value_parser = crate::report::parse_sort)]
+    #[arg(long, value_name = "COLUMN", default_value = "auc")]
     pub sort: String,
     /// How many trackers to show (0: all)
     #[arg(long, value_name = "N", default_value = "20")]
     pub top: usize,
+}
+
+impl TableArgs {
+    /// How to print a table of `metrics`.
+    ///
+    /// # Errors
+    /// There is no such column to sort by.
+    pub fn options(&self, metrics: &MetricSet, colour: bool) -> Result<TableOptions, Failure> {
+        Ok(TableOptions {
+            format: self.format,
+            sort: parse_sort(metrics, &self.sort).map_err(|e| Failure::usage(format!("--sort: {e}")))?,
+            top: self.top,
+            colour,
+        })
+    }
 }

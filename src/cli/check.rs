@@ -5,9 +5,11 @@ mod report;
 use super::console::Console;
 use super::exit;
 use crate::judge::baseline::{Baseline, recorded_command};
-use crate::judge::gate::{Change, Tolerances};
-use crate::report::{Format, junit, read_summary};
-use crate::store::{Durable, write_atomic};
+use crate::judge::gate::{Finding, gate};
+use crate::judge::tolerances::Tolerances;
+use crate::metric::MetricSet;
+use crate::report::{Format, junit};
+use crate::store::{Durable, summary, write_atomic};
 use anyhow::{Context, bail, ensure};
 use report::{Report, json};
 use std::io::Write;
@@ -65,22 +67,27 @@ fn tolerance(s: &str) -> Result<f64, String> {
 
 impl CheckArgs {
     /// Defaults, overridden by the file, overridden by flags.
-    fn tolerances(&self) -> anyhow::Result<Tolerances> {
+    fn tolerances(&self, metrics: &MetricSet) -> anyhow::Result<Tolerances> {
         let beside = self.baseline.with_file_name("check.toml");
         let file = self
             .tolerances
             .clone()
             .or_else(|| beside.is_file().then_some(beside));
-        let file = file
-            .map(|path| Tolerances::read(&path))
-            .transpose()?
-            .unwrap_or_default();
-        Ok(Tolerances {
-            sr_5: self.tol_sr5.unwrap_or(file.sr_5),
-            auc: self.tol_auc.unwrap_or(file.auc),
-            al_median: self.tol_median.unwrap_or(file.al_median),
-            overrides: file.overrides,
-        })
+        let mut tolerances = match file {
+            Some(path) => Tolerances::read(&path, metrics)?,
+            None => Tolerances::of(metrics),
+        };
+        let flags = [
+            ("sr_5", self.tol_sr5),
+            ("auc", self.tol_auc),
+            ("al_median", self.tol_median),
+        ];
+        for (figure, tolerance) in flags {
+            if let Some(tolerance) = tolerance {
+                tolerances.set(figure, tolerance);
+            }
+        }
+        Ok(tolerances)
     }
 }
 
@@ -90,11 +97,12 @@ impl CheckArgs {
 /// Bad input (exit code 2): a file that cannot be read, a baseline without a command to run.
 pub fn run(
     args: &CheckArgs,
+    metrics: &MetricSet,
     console: &Console,
     run_command: &dyn Fn(&[String]) -> anyhow::Result<PathBuf>,
 ) -> anyhow::Result<ExitCode> {
-    let tolerances = args.tolerances()?;
-    let old = match Baseline::read(&args.baseline) {
+    let tolerances = args.tolerances(metrics)?;
+    let old = match Baseline::read(&args.baseline, metrics) {
         Ok(baseline) => Some(baseline),
         Err(_) if args.update_baseline && !args.baseline.exists() => None,
         Err(error) => return Err(error).context("cannot use the baseline"),
@@ -114,7 +122,9 @@ pub fn run(
             run_command(&old.command).context("the baseline's command failed")?
         }
     };
-    let results = read_summary(&dir).context("not a finished run")?;
+    let results = summary::read(&dir, metrics)
+        .context("not a finished run")?
+        .results;
     // A run directory that does not say how it was made keeps the command the baseline had.
     let command = recorded_command(&dir).or_else(|| old.as_ref().map(|b| b.command.clone()));
     let now = Baseline::new(&results, command.unwrap_or_default());
@@ -138,19 +148,20 @@ pub fn run(
     let Some(old) = old else {
         bail!("{} does not exist", args.baseline.display())
     };
-    let comparison = old.compare(&now, &tolerances);
+    let findings = gate(&old, &now, &tolerances);
     let report = Report {
-        comparison: &comparison,
+        findings: &findings,
         tolerances: &tolerances,
+        metrics,
         top: args.top,
     };
     write!(out, "{}", report.text(args.format))?;
     if let Some(path) = &args.junit {
-        let xml = junit(&old, &comparison, &tolerances)?;
+        let xml = junit(&old, &findings, &tolerances)?;
         write_atomic(path, Durable::Now, |w| w.write_all(xml.as_bytes()))?;
     }
     summarise(args, &report.markdown(&dir))?;
-    Ok(ExitCode::from(exit::of_verdict(comparison.verdict())))
+    Ok(ExitCode::from(exit::of_conclusion(findings.conclusion())))
 }
 
 /// Writes the summary where the user and the CI service want it.
@@ -179,13 +190,13 @@ impl Update<'_> {
     fn text(&self, format: Format, top: usize) -> String {
         let (name, now) = (&self.name, self.now);
         let Some(old) = self.old else {
-            return format!("{name}: recorded {} lines\n", now.figures.len());
+            return format!("{name}: recorded {} lines\n", now.lines.len());
         };
-        let diff = old.compare(now, &Tolerances::NONE);
+        let diff = gate(old, now, &Tolerances::none(&now.metrics));
         if format == Format::Json {
             return json(&diff, None);
         }
-        let changes: Vec<&Change> = diff
+        let changes: Vec<&Finding> = diff
             .drops
             .iter()
             .chain(&diff.improved)
@@ -220,9 +231,9 @@ impl Update<'_> {
 mod tests {
     use super::*;
     use crate::cli::args::{Messages, ProgressMode, When};
+    use crate::metric::Errors;
     use crate::metric::aggregate::{TrackerName, UnitResult, UnitStatus, aggregate};
-    use crate::metric::error::frame_error;
-    use crate::report::{Meta, write_results};
+    use crate::report::{About, Exporters};
     use clap::Parser;
     use mtf::geom::Corners;
 
@@ -234,6 +245,10 @@ mod tests {
 
     fn unit(sequence: &str, shifts: &[f64]) -> UnitResult {
         let truth = Corners::rect(40.0, 40.0, 100.0, 80.0);
+        let mut errors = Errors::new(&MetricSet::builtin());
+        for shift in shifts {
+            errors.push(Some(&truth.translated(*shift, 0.0)), &truth);
+        }
         UnitResult {
             tracker: TrackerName {
                 id: "esm/ssd/affine".to_owned(),
@@ -243,12 +258,9 @@ mod tests {
             sequence: sequence.to_owned(),
             start: 0,
             protocol: "ope".to_owned(),
+            restarted: false,
             status: UnitStatus::Ok,
-            errors: shifts
-                .iter()
-                .map(|d| Some(frame_error(&truth.translated(*d, 0.0), &truth)))
-                .collect(),
-            grid: Vec::new(),
+            errors,
         }
     }
 
@@ -261,7 +273,10 @@ mod tests {
             let write = |name: &str, units: &[UnitResult]| {
                 let run = dir.path().join(name);
                 std::fs::create_dir(&run).unwrap();
-                write_results(&run, &aggregate(units), &Meta::default()).unwrap();
+                let results = aggregate(&MetricSet::builtin(), units);
+                Exporters::builtin()
+                    .write(&run, &results, &About::default())
+                    .unwrap();
             };
             let (wall, book) = (unit("wall", &[0.5, 1.0, 1.5]), unit("book", &[0.2, 0.2]));
             write("good", &[wall.clone(), book.clone()]);
@@ -299,7 +314,8 @@ mod tests {
                 assert_eq!(command, ["builtin"]);
                 Ok(self.path("good"))
             };
-            run(&self.args(args), &console, &run_command).map(|code| format!("{code:?}"))
+            run(&self.args(args), &MetricSet::builtin(), &console, &run_command)
+                .map(|code| format!("{code:?}"))
         }
     }
 
@@ -341,7 +357,9 @@ mod tests {
         for run in ["good", "bad"] {
             runs.check(&[run, "--update-baseline"]).unwrap();
             assert_eq!(
-                Baseline::read(&runs.path("baseline.json")).unwrap().command,
+                Baseline::read(&runs.path("baseline.json"), &MetricSet::builtin())
+                    .unwrap()
+                    .command,
                 ["builtin"]
             );
         }
@@ -350,13 +368,16 @@ mod tests {
     #[test]
     fn reports() {
         let runs = Runs::new();
-        let baseline = |name: &str| Baseline::new(&read_summary(&runs.path(name)).unwrap(), Vec::new());
+        let metrics = MetricSet::builtin();
+        let read = |name: &str| summary::read(&runs.path(name), &metrics).unwrap().results;
+        let baseline = |name: &str| Baseline::new(&read(name), Vec::new());
         let (good, bad, part) = (baseline("good"), baseline("bad"), baseline("part"));
-        let tolerances = Tolerances::default();
+        let tolerances = Tolerances::of(&metrics);
         let print = |now: &Baseline, format| {
             let report = Report {
-                comparison: &good.compare(now, &tolerances),
+                findings: &gate(&good, now, &tolerances),
                 tolerances: &tolerances,
+                metrics: &metrics,
                 top: 20,
             };
             report.text(format)

@@ -72,7 +72,7 @@ pub fn dispatch(command: Command, program: &Program) -> Outcome {
         Command::Data(args) => data::run(&args, program).or_else(exit::of_chain),
         Command::Check(args) => {
             let again = |words: &[String]| Ok(run::repeat(words, program)?);
-            check::run(&args, &program.console, &again).or_else(exit::of_chain)
+            check::run(&args, &program.catalogue.metrics, &program.console, &again).or_else(exit::of_chain)
         }
         Command::Compare(args) => compare::run(&args, program),
         Command::Synth(args) => synth::run(&args).or_else(exit::of_chain),

@@ -4,7 +4,9 @@ use super::console::{Console, print};
 use super::exit::{Failure, Outcome};
 use super::program::Program;
 use super::values::rate;
-use crate::judge::compare::{Comparison, Options, Run, TrackerChange, Verdict, compare, parse_figure};
+use crate::judge::compare::{
+    Comparison, FinishedRun, Options, TrackerChange, Verdict, compare, parse_figure,
+};
 use crate::metric::aggregate::Average;
 use crate::report::{Format, render};
 use serde_json::{Value, json};
@@ -30,8 +32,7 @@ pub struct CompareArgs {
         long,
         value_name = "LIST",
         value_delimiter = ',',
-        default_value = "auc,sr_5,al_mean",
-        value_parser = parse_figure
+        default_value = "auc,sr_5,al_mean"
     )]
     pub figures: Vec<String>,
     /// Over all frames, or over sequences alike
@@ -75,8 +76,12 @@ pub fn run(args: &CompareArgs, program: &Program) -> Outcome {
             "give two runs, or one and --reference TRACKER to compare its trackers with one of them",
         ));
     }
+    let metrics = &program.catalogue.metrics;
+    let figures = args.figures.iter().map(|name| parse_figure(metrics, name));
     let options = Options {
-        figures: args.figures.clone(),
+        figures: figures
+            .collect::<Result<_, _>>()
+            .map_err(|e| Failure::usage(format!("--figures: {e}")))?,
         average: match args.average {
             AverageArg::Pooled => Average::Pooled,
             AverageArg::SeqMean => Average::SeqMean,
@@ -86,10 +91,12 @@ pub fn run(args: &CompareArgs, program: &Program) -> Outcome {
         seed: args.seed,
         reference: args.reference.clone(),
     };
-    let runs: Vec<Run> = args
+    let runs: Vec<FinishedRun> = args
         .runs
         .iter()
-        .map(|dir| Run::read(dir).map_err(|e| Failure::usage(format!("not a finished run: {e}"))))
+        .map(|dir| {
+            FinishedRun::read(dir, metrics).map_err(|e| Failure::usage(format!("not a finished run: {e}")))
+        })
         .collect::<Result<_, _>>()?;
     // A reference also meets the other trackers of its own run.
     let first = usize::from(options.reference.is_none());

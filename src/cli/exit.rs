@@ -1,7 +1,7 @@
 //! How commands end: exit codes, and which code each error of the library has. Nothing else knows exit codes.
 
 use crate::judge::compare::CompareError;
-use crate::judge::gate::Verdict;
+use crate::judge::gate::Conclusion;
 use crate::measure::basin::BasinError;
 use crate::measure::bench::BenchError;
 use crate::plan::PlanError;
@@ -106,7 +106,7 @@ fn of_run(error: &RunError) -> u8 {
         RunError::Plan(error) => of_plan(error),
         RunError::Store(error) => of_store(error),
         RunError::Interrupted { .. } => STOPPED,
-        RunError::Threads(_) | RunError::Output(_) => USAGE,
+        RunError::Threads(_) => USAGE,
     }
 }
 
@@ -159,12 +159,12 @@ impl From<CompareError> for Failure {
 }
 
 /// Exit code of `check`.
-pub fn of_verdict(verdict: Verdict) -> u8 {
-    match verdict {
-        Verdict::Passed => 0,
-        Verdict::Dropped => CHECK_FAILED,
-        Verdict::NotComparable => NOT_COMPARABLE,
-        Verdict::Incomplete => INCOMPLETE,
+pub fn of_conclusion(conclusion: Conclusion) -> u8 {
+    match conclusion {
+        Conclusion::Passed => 0,
+        Conclusion::Dropped => CHECK_FAILED,
+        Conclusion::NotComparable => NOT_COMPARABLE,
+        Conclusion::Incomplete => INCOMPLETE,
     }
 }
 

@@ -73,6 +73,7 @@ pub fn experiment(
         .filter(pre)
         .protocol(args.protocol.unwrap_or_default())
         .seed(args.seed.unwrap_or(0))
+        .metrics(program.catalogue.metrics.clone())
         .frame_logs(frame_logs)
         .timeout(args.timeout.map(Duration::from_secs_f64))
         .about(about);

@@ -5,8 +5,7 @@ use super::exit::{Failure, Outcome};
 use super::program::Program;
 use crate::catalogue::Catalogue;
 use crate::dataset::{self, LoadOptions, OnBadData};
-use crate::metric::error::Metric;
-use crate::metric::score::FIGURES;
+use crate::metric::figure;
 use crate::report::{Format, render};
 use clap::{Args, ValueEnum};
 use mtf::ilm::IlmEntry;
@@ -94,7 +93,9 @@ pub fn run(args: &ListArgs, program: &Program) -> Outcome {
 }
 
 fn listing(what: ListWhat, catalogue: &Catalogue, data: &[PathBuf]) -> Result<Listing, Failure> {
-    let registry = &catalogue.registry;
+    let Catalogue {
+        registry, metrics, ..
+    } = catalogue;
     let row = |cells: &[&str]| cells.iter().map(|s| s.to_string()).collect::<Vec<String>>();
     let mut note = String::new();
     let (title, header, rows) = match what {
@@ -201,11 +202,7 @@ fn listing(what: ListWhat, catalogue: &Catalogue, data: &[PathBuf]) -> Result<Li
             )
         }
         ListWhat::Metrics => {
-            let metrics = Metric::ALL
-                .iter()
-                .map(|m| row(&[m.name(), m.unit(), m.description()]));
-            let figures = FIGURES.iter().map(|cells| row(cells));
-            let rows = metrics.chain(figures).collect();
+            let rows = figure::listing(metrics).into_iter().map(Vec::from).collect();
             ("metrics", vec!["metric", "unit", "description"], rows)
         }
         ListWhat::Data => {

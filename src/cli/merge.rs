@@ -38,16 +38,22 @@ pub struct MergeArgs {
 /// # Errors
 /// Directories that are no runs, are of different runs, are in use or incomplete.
 pub fn run(args: &MergeArgs, program: &Program) -> Outcome {
+    let catalogue = &program.catalogue;
+    let options = args
+        .table
+        .options(&catalogue.metrics, program.console.table_colour)?;
     let request = MergeRequest {
         parts: args.shards.clone(),
         out: args.out.clone(),
         force: args.force,
+        metrics: catalogue.metrics.clone(),
+        exporters: catalogue.exporters.clone(),
         threads: args.threads.unwrap_or(0),
         host: Map::new(),
     };
     let progress = Progress::new(&program.console, program.progress);
     match merge(&request, &progress)? {
-        Merged::Complete(report) => show(&report, &args.table, &program.console),
+        Merged::Complete(report) => show(&report, &options, &program.console),
         Merged::Incomplete(missing) => {
             let mut text = format!(
                 "incomplete: {} of {} units are missing",

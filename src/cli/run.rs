@@ -52,6 +52,9 @@ pub fn run(args: &RunArgs, program: &Program) -> Outcome {
     let typed = &program.arguments;
     // Before the command there are but flags of messages, none of which has this value.
     let own = typed.iter().position(|word| word == "run").map_or(0, |at| at + 1);
+    let options = args
+        .table
+        .options(&program.catalogue.metrics, program.console.table_colour)?;
     let report = track(args, &typed[own..], program)?;
     if let Some(shard) = args.execution.shard {
         program.console.note(&format!(
@@ -59,21 +62,15 @@ pub fn run(args: &RunArgs, program: &Program) -> Outcome {
             report.units
         ));
     }
-    show(&report, &args.table, &program.console)
+    show(&report, &options, &program.console)
 }
 
 /// Prints the table of a finished run; its exit code.
 ///
 /// # Errors
 /// Stdout cannot be written to.
-pub fn show(report: &RunReport, args: &TableArgs, console: &Console) -> Outcome {
-    let options = TableOptions {
-        format: args.format,
-        sort: args.sort.clone(),
-        top: args.top,
-        colour: console.table_colour,
-    };
-    print(&table(&report.results, &options))?;
+pub fn show(report: &RunReport, options: &TableOptions, console: &Console) -> Outcome {
+    print(&table(&report.results, options))?;
     for (unit, reason) in report.failed.iter().take(FAILURES_SHOWN) {
         console.warn(&format!("{unit}: {reason}"));
     }
@@ -115,7 +112,8 @@ fn track(args: &RunArgs, words: &[String], program: &Program) -> Result<RunRepor
         });
     }
     let progress = Progress::new(&program.console, program.progress);
-    Ok(crate::run::run(&request, &progress, &stop)?)
+    let exporters = &program.catalogue.exporters;
+    Ok(crate::run::run(&request, exporters, &progress, &stop)?)
 }
 
 /// The request that the arguments describe.

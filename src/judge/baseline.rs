@@ -1,110 +1,54 @@
-//! Baseline files of the regression gate: for every tracker, `sr_5`, `auc` and `al_median` of each sequence and
-//! pooled, and the command that made them. [`crate::judge::gate`] compares them.
+//! Baseline files of the regression gate: for every tracker, the gated figures of each sequence and pooled (`sr_5`, `auc`,
+//! `al_median` and what added metrics give), and the command that made them. [`crate::judge::gate`] compares them.
 
+use crate::judge::change::Subject;
 use crate::metric::aggregate::{ALL_DATASETS, Average, POOLED, Results};
-use crate::metric::score::Score;
-use crate::report::OutputError;
-use crate::store::{Durable, write_atomic};
-use serde::{Deserialize, Deserializer, Serialize};
+use crate::metric::{Figure, MetricSet, Score};
+use crate::store::summary::check_version;
+use crate::store::{Durable, FileError, write_atomic};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 use std::path::Path;
 
 /// Version of the baseline file; changes when a reader of the former version would misread it.
-pub const SCHEMA_VERSION: u32 = 1;
+pub const BASELINE_FORMAT_VERSION: u32 = 1;
 
-/// A baseline or tolerance file could not be used.
-#[derive(Debug, thiserror::Error)]
-pub enum BaselineError {
-    /// Reading or writing failed.
-    #[error(transparent)]
-    Output(#[from] OutputError),
-    /// The file has another schema version.
-    #[error("{path}: schema version {found}, this program reads version {SCHEMA_VERSION}")]
-    Version {
-        /// The file.
-        path: String,
-        /// Its version.
-        found: u32,
-    },
+/// The figures that the gate looks at: those with a tolerance.
+pub fn gated(metrics: &MetricSet) -> impl Iterator<Item = &Figure> {
+    metrics.figures().iter().filter(|f| f.tolerance.is_some())
 }
 
-/// What is compared.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Figure {
-    /// Fraction of the frames within 5 px; larger is better.
-    Sr5,
-    /// Area under the success curve; larger is better.
-    Auc,
-    /// Median alignment error, px; smaller is better.
-    AlMedian,
-}
-
-impl Figure {
-    /// All figures, in the order of files.
-    pub const ALL: [Figure; 3] = [Figure::Sr5, Figure::Auc, Figure::AlMedian];
-
-    /// Column name in result files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Figure::Sr5 => "sr_5",
-            Figure::Auc => "auc",
-            Figure::AlMedian => "al_median",
-        }
-    }
-}
-
-/// What a line of a baseline is about. `all`, `pooled` is the tracker's average over all frames.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct Key {
-    /// Tracker id.
-    pub tracker: String,
-    /// Data set.
-    pub dataset: String,
-    /// Sequence.
-    pub sequence: String,
-    /// Index of the initial frame.
-    pub start: usize,
-    /// Protocol.
-    pub protocol: String,
-}
-
-impl Key {
-    /// True for the average over all frames.
-    pub fn is_pooled(&self) -> bool {
-        self.dataset == ALL_DATASETS && self.sequence == POOLED
-    }
-
-    /// `dataset/sequence[@start]`, or `pooled`.
-    pub fn place(&self) -> String {
-        match self.start {
-            _ if self.is_pooled() => POOLED.to_owned(),
-            0 => format!("{}/{}", self.dataset, self.sequence),
-            start => format!("{}/{}@{start}", self.dataset, self.sequence),
-        }
-    }
-}
-
-/// Figures of one tracker on one sequence (or pooled). `null` in JSON: undefined without frames, else an infinite
-/// median.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// Figures of one tracker on one sequence (or pooled).
+#[derive(Clone, Debug, PartialEq)]
 pub struct Line {
     /// What the figures are of.
-    #[serde(flatten)]
-    pub key: Key,
-    /// Scored frames.
+    pub subject: Subject,
+    /// Evaluated frames.
     pub frames: usize,
     /// True when the run died.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub failed: bool,
-    /// Fraction of the frames within 5 px.
-    #[serde(deserialize_with = "undefined")]
-    pub sr_5: f64,
-    /// Area under the success curve.
-    #[serde(deserialize_with = "undefined")]
-    pub auc: f64,
-    /// Median alignment error, px.
-    #[serde(deserialize_with = "infinite")]
-    pub al_median: f64,
+    /// Gated figures by name. NaN: undefined, without frames.
+    pub figures: Vec<(String, f64)>,
+}
+
+/// A line as it is written. `null`: undefined without frames, else what no output counts as.
+#[derive(Serialize, Deserialize)]
+struct RecordedLine {
+    #[serde(flatten)]
+    subject: Subject,
+    frames: usize,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    failed: bool,
+    #[serde(flatten)]
+    figures: Map<String, Value>,
+}
+
+/// The file but for its version.
+#[derive(Deserialize)]
+struct Recorded {
+    version: String,
+    command: Vec<String>,
+    figures: Vec<RecordedLine>,
 }
 
 /// Strings and numbers always serialise.
@@ -112,129 +56,145 @@ fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }
 
-fn undefined<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
-    Ok(Option::deserialize(d)?.unwrap_or(f64::NAN))
-}
-
-fn infinite<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
-    Ok(Option::deserialize(d)?.unwrap_or(f64::INFINITY))
-}
-
-impl Line {
-    /// One figure.
-    pub fn get(&self, figure: Figure) -> f64 {
-        match figure {
-            Figure::Sr5 => self.sr_5,
-            Figure::Auc => self.auc,
-            Figure::AlMedian => self.al_median,
-        }
+/// What stands for a figure that is undefined: with frames, what no output counts as.
+fn or_lost(figure: Option<&Figure>, value: f64, frames: usize) -> f64 {
+    match figure {
+        Some(figure) if value.is_nan() && frames > 0 => figure.without_output,
+        _ => value,
     }
 }
 
-/// A recorded state of all figures.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+impl Line {
+    fn new(subject: Subject, score: &Score, failed: bool, metrics: &MetricSet) -> Line {
+        let frames = score.frames();
+        // Not one frame that was tracked is as bad as can be.
+        let value = |f: &Figure| or_lost(Some(f), score.get(&f.name).unwrap_or(f64::NAN), frames);
+        Line {
+            subject,
+            frames,
+            failed,
+            figures: gated(metrics).map(|f| (f.name.clone(), value(f))).collect(),
+        }
+    }
+
+    fn read(line: RecordedLine, metrics: &MetricSet) -> Line {
+        let frames = line.frames;
+        let value = |(name, value): (String, Value)| {
+            let number = value.as_f64().unwrap_or(f64::NAN);
+            let number = or_lost(metrics.figure(&name), number, frames);
+            (name, number)
+        };
+        Line {
+            subject: line.subject,
+            frames,
+            failed: line.failed,
+            figures: line.figures.into_iter().map(value).collect(),
+        }
+    }
+
+    fn recorded(&self) -> RecordedLine {
+        RecordedLine {
+            subject: self.subject.clone(),
+            frames: self.frames,
+            failed: self.failed,
+            figures: self
+                .figures
+                .iter()
+                .map(|(name, value)| (name.clone(), Value::from(*value)))
+                .collect(),
+        }
+    }
+
+    /// The figure called `name`, if the line has it.
+    pub fn get(&self, name: &str) -> Option<f64> {
+        let mut figures = self.figures.iter();
+        figures
+            .find(|(figure, _)| figure == name)
+            .map(|(_, value)| *value)
+    }
+}
+
+/// A recorded state of all gated figures.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Baseline {
-    /// [`SCHEMA_VERSION`].
-    pub schema_version: u32,
+    /// The metrics that say which way figures get better.
+    pub metrics: MetricSet,
     /// Version of the program that recorded it.
     pub version: String,
     /// Arguments of `mtf-eval run` that make a comparable run; empty when unknown.
     pub command: Vec<String>,
     /// Sorted by tracker and sequence, the pooled line of each tracker first.
-    pub figures: Vec<Line>,
+    pub lines: Vec<Line>,
 }
 
 impl Baseline {
     /// Records `results`, made by `mtf-eval run` with the arguments `command`.
     pub fn new(results: &Results, command: Vec<String>) -> Baseline {
-        let line = |key, score: &Score, failed| Line {
-            key,
-            frames: score.frames,
-            failed,
-            sr_5: score.sr_5,
-            auc: score.auc,
-            // Not one frame that was tracked is as bad as can be.
-            al_median: match score.al_median.is_nan() && score.frames > 0 {
-                true => f64::INFINITY,
-                false => score.al_median,
-            },
-        };
+        let metrics = &results.metrics;
         let pooled = results
             .summary
             .iter()
             .filter(|r| r.average == Average::Pooled)
             .map(|r| {
-                let key = Key {
+                let subject = Subject {
                     tracker: r.tracker.id.clone(),
                     dataset: ALL_DATASETS.to_owned(),
                     sequence: POOLED.to_owned(),
                     start: 0,
                     protocol: r.protocol.clone(),
                 };
-                line(key, &r.score, false)
+                Line::new(subject, &r.score, false, metrics)
             });
         let sequences = results.sequences.iter().map(|r| {
-            let key = Key {
+            let subject = Subject {
                 tracker: r.tracker.id.clone(),
                 dataset: r.dataset.clone(),
                 sequence: r.sequence.clone(),
                 start: r.start,
                 protocol: r.protocol.clone(),
             };
-            line(key, &r.score, r.status.is_failed())
+            Line::new(subject, &r.score, r.status.is_failed(), metrics)
         });
-        let mut figures: Vec<Line> = pooled.chain(sequences).collect();
-        figures.sort_by_cached_key(|l| {
+        let mut lines: Vec<Line> = pooled.chain(sequences).collect();
+        lines.sort_by_cached_key(|l| {
             (
-                l.key.tracker.clone(),
-                l.key.protocol.clone(),
-                !l.key.is_pooled(),
-                l.key.clone(),
+                l.subject.tracker.clone(),
+                l.subject.protocol.clone(),
+                !l.subject.is_pooled(),
+                l.subject.clone(),
             )
         });
         Baseline {
-            schema_version: SCHEMA_VERSION,
+            metrics: metrics.clone(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             command,
-            figures,
+            lines,
         }
     }
 
-    /// Reads a baseline file.
+    /// Reads a baseline file for a program with `metrics`.
     ///
     /// # Errors
-    /// [`BaselineError`] when it is missing, damaged or of another version.
-    pub fn read(path: &Path) -> Result<Baseline, BaselineError> {
-        #[derive(Deserialize)]
-        struct Version {
-            schema_version: u32,
-        }
-        let text = std::fs::read(path).map_err(|source| OutputError::Io {
-            path: path.to_owned(),
-            source,
-        })?;
-        let wrong = |e: serde_json::Error| OutputError::Format {
-            path: path.to_owned(),
-            reason: e.to_string(),
-        };
-        let Version {
-            schema_version: found,
-        } = serde_json::from_slice(&text).map_err(wrong)?;
-        if found != SCHEMA_VERSION {
-            return Err(BaselineError::Version {
-                path: path.display().to_string(),
-                found,
-            });
-        }
-        Ok(serde_json::from_slice(&text).map_err(wrong)?)
+    /// [`FileError`] when it is missing, damaged or of another version.
+    pub fn read(path: &Path, metrics: &MetricSet) -> Result<Baseline, FileError> {
+        let text = std::fs::read(path).map_err(|e| FileError::io(path, e))?;
+        check_version(path, &text, BASELINE_FORMAT_VERSION)?;
+        let recorded: Recorded = serde_json::from_slice(&text).map_err(|e| FileError::format(path, e))?;
+        let lines = recorded.figures.into_iter();
+        Ok(Baseline {
+            metrics: metrics.clone(),
+            version: recorded.version,
+            command: recorded.command,
+            lines: lines.map(|line| Line::read(line, metrics)).collect(),
+        })
     }
 
     /// The file's text: one line per tracker and sequence, so that version control shows what changed.
     pub fn to_json(&self) -> String {
-        let lines: Vec<String> = self.figures.iter().map(|l| format!("    {}", json(l))).collect();
+        let line = |line: &Line| format!("    {}", json(&line.recorded()));
+        let lines: Vec<String> = self.lines.iter().map(line).collect();
         format!(
-            "{{\n  \"schema_version\": {},\n  \"version\": {},\n  \"command\": {},\n  \"figures\": [\n{}\n  ]\n}}\n",
-            self.schema_version,
+            "{{\n  \"schema_version\": {BASELINE_FORMAT_VERSION},\n  \"version\": {},\n  \"command\": {},\n  \"figures\": [\n{}\n  ]\n}}\n",
             json(&self.version),
             json(&self.command),
             lines.join(",\n"),
@@ -244,14 +204,10 @@ impl Baseline {
     /// Writes the file: complete or not at all.
     ///
     /// # Errors
-    /// [`BaselineError`] naming the file.
-    pub fn write(&self, path: &Path) -> Result<(), BaselineError> {
+    /// [`FileError`] naming the file.
+    pub fn write(&self, path: &Path) -> Result<(), FileError> {
         let text = self.to_json();
-        let at = |source| OutputError::Io {
-            path: path.to_owned(),
-            source,
-        };
-        Ok(write_atomic(path, Durable::Now, |w| w.write_all(text.as_bytes())).map_err(at)?)
+        write_atomic(path, Durable::Now, |w| w.write_all(text.as_bytes())).map_err(|e| FileError::io(path, e))
     }
 }
 
@@ -270,12 +226,12 @@ pub fn recorded_command(dir: &Path) -> Option<Vec<String>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metric::aggregate::{aggregate, example};
+    use crate::metric::aggregate::example;
 
     #[test]
     fn file() {
         let command = ["builtin", "--sm", "esm,iclk"].map(str::to_owned).to_vec();
-        let recorded = Baseline::new(&aggregate(&example::units()), command);
+        let recorded = Baseline::new(&example::results(), command);
         insta::assert_snapshot!(recorded.to_json(), @r#"
         {
           "schema_version": 1,
@@ -296,19 +252,12 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("baseline.json");
         recorded.write(&path).unwrap();
-        assert_eq!(Baseline::read(&path).unwrap(), recorded);
+        let read = || Baseline::read(&path, &MetricSet::builtin());
+        assert_eq!(read().unwrap(), recorded);
         std::fs::write(&path, r#"{"schema_version": 7}"#).unwrap();
-        assert!(matches!(
-            Baseline::read(&path),
-            Err(BaselineError::Version { found: 7, .. })
-        ));
+        assert!(read().unwrap_err().to_string().contains("schema version 7"));
         std::fs::write(&path, "[").unwrap();
-        assert!(
-            Baseline::read(&path)
-                .unwrap_err()
-                .to_string()
-                .contains("baseline.json")
-        );
+        assert!(read().unwrap_err().to_string().contains("baseline.json"));
     }
 
     #[test]

@@ -1,10 +1,12 @@
-//! Two run directories side by side: first what is equal to the last digit, by key (tracker, data set, sequence, start,
-//! protocol); then, for the trackers that changed, whether the change is more than chance (see [`crate::judge::stats`]).
+//! Two run directories side by side: first what is equal to the last digit, by tracker, data set, sequence, start and
+//! protocol; then, for the trackers that changed, whether the change is more than chance (see [`crate::judge::stats`]).
 
+use crate::judge::change::{Change, Matched, equal};
 use crate::judge::stats::{Pair, benjamini_hochberg, difference};
 use crate::metric::aggregate::{Average, Results, SequenceRow};
-use crate::metric::score::Score;
-use crate::report::{OutputError, Thresholds, read_with_thresholds};
+use crate::metric::{Figure, MetricSet};
+use crate::store::FileError;
+use crate::store::summary::{self, Summary, Thresholds};
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::Value;
@@ -14,46 +16,29 @@ use std::path::Path;
 /// Sequences below which intervals say little.
 pub const FEW_SEQUENCES: usize = 10;
 
-/// Figures that are means over frames, which is what pooling over sequences needs.
-pub const FIGURES: [&str; 11] = [
-    "auc",
-    "sr_1",
-    "sr_2",
-    "sr_5",
-    "sr_10",
-    "sr_20",
-    "sr_area",
-    "al_mean",
-    "mcd_mean",
-    "cl_mean",
-    "jaccard_mean",
-];
-
-/// Whether larger values of a figure are better.
-fn larger_is_better(figure: &str) -> bool {
-    figure.starts_with("sr_") || figure == "auc"
+/// Names of the figures that can be compared: means over frames, which is what pooling over sequences needs.
+pub fn comparable(metrics: &MetricSet) -> Vec<&str> {
+    let figures = metrics.figures().iter().filter(|f| f.frame_mean);
+    figures.map(|f| f.name.as_str()).collect()
 }
 
-/// Checks the name of a figure; for use as a command line value parser.
+/// Checks the name of a figure to be compared.
 ///
 /// # Errors
 /// A message with what there is.
-pub fn parse_figure(name: &str) -> Result<String, String> {
+pub fn parse_figure(metrics: &MetricSet, name: &str) -> Result<String, String> {
     let name = name.to_ascii_lowercase();
-    if FIGURES.contains(&name.as_str()) {
-        return Ok(name);
-    }
-    let why = if Score::COLUMNS.contains(&name.as_str()) {
-        format!("{name} is no mean over frames, so sequences cannot be pooled")
-    } else {
-        format!("no figure '{name}'")
+    let why = match metrics.figure(&name) {
+        Some(figure) if figure.frame_mean => return Ok(name),
+        Some(_) => format!("{name} is no mean over frames, so sequences cannot be pooled"),
+        None => format!("no figure '{name}'"),
     };
-    Err(format!("{why}; one of {}", FIGURES.join(", ")))
+    Err(format!("{why}; one of {}", comparable(metrics).join(", ")))
 }
 
 /// A finished run, read back.
 #[derive(Clone, Debug)]
-pub struct Run {
+pub struct FinishedRun {
     /// Its directory, as given.
     pub name: String,
     results: Results,
@@ -61,28 +46,28 @@ pub struct Run {
     description: Value,
 }
 
-impl Run {
-    /// Reads a run directory.
+impl FinishedRun {
+    /// Reads a run directory for a program with `metrics`.
     ///
     /// # Errors
     /// `summary.json` or `run.json` is missing or damaged.
-    pub fn read(dir: &Path) -> Result<Run, OutputError> {
-        let (results, thresholds) = read_with_thresholds(dir)?;
+    pub fn read(dir: &Path, metrics: &MetricSet) -> Result<FinishedRun, FileError> {
+        let Summary { results, thresholds } = summary::read(dir, metrics)?;
         let path = dir.join("run.json");
-        let text = std::fs::read(&path).map_err(|source| OutputError::Io {
-            path: path.clone(),
-            source,
-        })?;
-        let description = serde_json::from_slice(&text).map_err(|e| OutputError::Format {
-            path,
-            reason: e.to_string(),
-        })?;
-        Ok(Run {
+        let text = std::fs::read(&path).map_err(|e| FileError::io(&path, e))?;
+        let description = serde_json::from_slice(&text).map_err(|e| FileError::format(&path, e))?;
+        Ok(FinishedRun {
             name: dir.display().to_string(),
             results,
             thresholds,
             description,
         })
+    }
+
+    /// Whether the run measured the metric of `figure`.
+    fn has(&self, figure: &Figure) -> bool {
+        let metric = &self.results.metrics.metrics()[figure.metric()];
+        self.thresholds.contains_key(metric.name)
     }
 
     /// Fingerprint of the data of each sequence, by `dataset/sequence`.
@@ -136,7 +121,7 @@ pub enum CompareError {
 /// What to look at, and how strictly.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Figures, of [`FIGURES`].
+    /// Names of figures, of those that are [`comparable`].
     pub figures: Vec<String>,
     /// Over frames or over sequences.
     pub average: Average,
@@ -258,23 +243,20 @@ pub struct Comparison {
     pub warnings: Vec<String>,
 }
 
-type Key<'a> = (&'a str, &'a str, usize, &'a str);
+/// Figures that both runs have, by number.
+type Shared = Vec<usize>;
 
-fn key(row: &SequenceRow) -> Key<'_> {
-    (&row.dataset, &row.sequence, row.start, &row.protocol)
-}
-
-/// Equal in every figure; undefined figures are equal to each other.
-fn same(a: &SequenceRow, b: &SequenceRow) -> bool {
-    let bits = |row: &SequenceRow| row.score.values().map(f64::to_bits);
-    a.status == b.status && bits(a) == bits(b)
+/// Equal in every figure that both runs have.
+fn same(a: &SequenceRow, b: &SequenceRow, shared: &Shared) -> bool {
+    let (x, y) = (a.score.values(), b.score.values());
+    a.status == b.status && shared.iter().all(|&i| equal(x[i], y[i]))
 }
 
 /// Compares `b` with `a`.
 ///
 /// # Errors
 /// [`CompareError`]: other protocol, data, thresholds; nothing in common.
-pub fn compare(a: &Run, b: &Run, options: &Options) -> Result<Comparison, CompareError> {
+pub fn compare(a: &FinishedRun, b: &FinishedRun, options: &Options) -> Result<Comparison, CompareError> {
     let (of_a, of_b) = (a.trackers(), b.trackers());
     let ids = |of: &BTreeMap<(&'_ str, &str), _>| -> BTreeSet<String> {
         of.keys().map(|(id, _)| (*id).to_owned()).collect()
@@ -299,10 +281,18 @@ pub fn compare(a: &Run, b: &Run, options: &Options) -> Result<Comparison, Compar
         .filter_map(|((id, protocol), rows)| Some((*id, of_a.get(&(partner(options, id), *protocol))?, rows)))
         .collect();
     let compared = |id: &String| !itself(id) && ids_a.contains(partner(options, id));
-    let obstacles = obstacles(a, b, !ids_b.iter().any(compared));
+    let figures = a.results.metrics.figures();
+    let both_have = |f: &Figure| a.has(f) && b.has(f);
+    let mut obstacles = obstacles(a, b, !ids_b.iter().any(compared));
+    for name in &options.figures {
+        if !figures.iter().any(|f| f.name == *name && both_have(f)) {
+            obstacles.push(format!("not both runs have the figure {name}"));
+        }
+    }
     if !obstacles.is_empty() {
         return Err(CompareError::NotComparable(obstacles));
     }
+    let shared: Shared = (0..figures.len()).filter(|&i| both_have(&figures[i])).collect();
     let mut result = Comparison {
         a: a.name.clone(),
         b: b.name.clone(),
@@ -311,19 +301,20 @@ pub fn compare(a: &Run, b: &Run, options: &Options) -> Result<Comparison, Compar
         settings: settings(a, b, options.reference.is_some()),
         ..Comparison::default()
     };
-    let compared: Vec<(Matched, Option<TrackerChange>)> = partners
+    let compared: Vec<(Matched<SequenceRow>, Option<TrackerChange>)> = partners
         .par_iter()
         .map(|(id, a, b)| {
-            let matched = Matched::new(a, b);
-            let change = matched.change(id, options);
+            let matched = matched(a, b);
+            let change = change(id, &matched.both, figures, &shared, options);
             (matched, change)
         })
         .collect();
     for (matched, change) in compared {
-        result.units += matched.pairs.len();
-        result.identical += matched.pairs.iter().filter(|(a, b)| same(a, b)).count();
-        result.units_only_a += matched.only_a;
-        result.units_only_b += matched.only_b;
+        result.units += matched.both.len();
+        let same = |(a, b): &&(&SequenceRow, &SequenceRow)| same(a, b, &shared);
+        result.identical += matched.both.iter().filter(same).count();
+        result.units_only_a += matched.only_before.len();
+        result.units_only_b += matched.only_after.len();
         result.changed.extend(change);
     }
     if result.units == 0 {
@@ -348,93 +339,81 @@ pub fn compare(a: &Run, b: &Run, options: &Options) -> Result<Comparison, Compar
     }
     judge(&mut result.changed, options.fdr);
     result.warnings = warnings(&result, options);
+    result.warnings.extend(not_compared(a, b));
     Ok(result)
 }
 
-/// Units of a tracker that both runs have.
-struct Matched<'a> {
-    pairs: Vec<(&'a SequenceRow, &'a SequenceRow)>,
-    only_a: usize,
-    only_b: usize,
+/// Units of a tracker that both runs have: by data set, sequence, start and protocol.
+fn matched<'a>(a: &[&'a SequenceRow], b: &[&'a SequenceRow]) -> Matched<'a, SequenceRow> {
+    fn key(row: &SequenceRow) -> (&str, &str, usize, &str) {
+        (&row.dataset, &row.sequence, row.start, &row.protocol)
+    }
+    let mut a = a.to_vec();
+    a.sort_by_key(|row| key(row));
+    Matched::new(a, b.iter().copied(), key)
 }
 
-impl<'a> Matched<'a> {
-    fn new(a: &[&'a SequenceRow], b: &[&'a SequenceRow]) -> Matched<'a> {
-        let of_b: BTreeMap<Key, &SequenceRow> = b.iter().map(|row| (key(row), *row)).collect();
-        let of_a: BTreeMap<Key, &SequenceRow> = a.iter().map(|row| (key(row), *row)).collect();
-        let pairs: Vec<_> = of_a
+/// The change of a tracker over units that are sorted by data set and sequence; q values and verdicts are still to come.
+/// `None` when nothing changed.
+fn change(
+    id: &str,
+    units: &[(&SequenceRow, &SequenceRow)],
+    figures: &[Figure],
+    shared: &Shared,
+    options: &Options,
+) -> Option<TrackerChange> {
+    let same = |(a, b): &(&SequenceRow, &SequenceRow)| same(a, b, shared);
+    let units_changed = units.iter().filter(|pair| !same(pair)).count();
+    if units_changed == 0 {
+        return None;
+    }
+    // The start frames of a sequence are neighbours.
+    let sequence = |row: &SequenceRow| (row.dataset.clone(), row.sequence.clone());
+    let sequences: Vec<_> = units.chunk_by(|a, b| sequence(a.0) == sequence(b.0)).collect();
+    let changes = options.figures.iter().filter_map(|name| {
+        let figure = figures.iter().find(|f| f.name == *name)?;
+        let pairs: Vec<Pair> = sequences
             .iter()
-            .filter_map(|(key, a)| Some((*a, *of_b.get(key)?)))
+            .filter_map(|units| pair(units, name, options.average))
             .collect();
-        Matched {
-            only_a: of_a.len() - pairs.len(),
-            only_b: of_b.len() - pairs.len(),
-            pairs,
-        }
-    }
-
-    /// The tracker's change, q values and verdicts still to come; `None` when nothing changed.
-    fn change(&self, id: &str, options: &Options) -> Option<TrackerChange> {
-        let units_changed = self.pairs.iter().filter(|(a, b)| !same(a, b)).count();
-        if units_changed == 0 {
-            return None;
-        }
-        let sequence = |row: &SequenceRow| (row.dataset.clone(), row.sequence.clone());
-        // Keys are sorted by data set and sequence, so the start frames of a sequence are neighbours.
-        let sequences: Vec<_> = self
-            .pairs
-            .chunk_by(|a, b| sequence(a.0) == sequence(b.0))
-            .collect();
-        let figures = options.figures.iter().filter_map(|figure| {
-            let pairs: Vec<Pair> = sequences
-                .iter()
-                .filter_map(|units| pair(units, figure, options.average))
-                .collect();
-            let found = difference(&pairs, options.resamples, options.seed)?;
-            let improved = (found.b > found.a) == larger_is_better(figure);
-            let verdict = match (found.excludes_zero(), improved) {
-                (false, _) => Verdict::Unclear,
-                (true, true) => Verdict::Better,
-                (true, false) => Verdict::Worse,
-            };
-            Some(FigureChange {
-                figure: figure.clone(),
-                a: found.a,
-                b: found.b,
-                interval: found.interval,
-                p: found.p,
-                q: found.p,
-                verdict,
-            })
-        });
-        let failed = |side: fn(&(&'a SequenceRow, &'a SequenceRow)) -> &'a SequenceRow| {
-            let failed = self.pairs.iter().filter(|pair| side(pair).status.is_failed());
-            failed.count()
+        let found = difference(&pairs, options.resamples, options.seed)?;
+        let change = Change::new(figure, found.a, found.b);
+        let verdict = match (found.excludes_zero(), change.gain() > 0.0) {
+            (false, _) => Verdict::Unclear,
+            (true, true) => Verdict::Better,
+            (true, false) => Verdict::Worse,
         };
-        Some(TrackerChange {
-            tracker: id.to_owned(),
-            protocol: self
-                .pairs
-                .first()
-                .map_or(String::new(), |(a, _)| a.protocol.clone()),
-            units: self.pairs.len(),
-            units_changed,
-            sequences: sequences.len(),
-            sequences_changed: sequences
-                .iter()
-                .filter(|units| units.iter().any(|(a, b)| !same(a, b)))
-                .count(),
-            failed: [failed(|p| p.0), failed(|p| p.1)],
-            figures: figures.collect(),
+        Some(FigureChange {
+            figure: change.figure,
+            a: change.before,
+            b: change.after,
+            interval: found.interval,
+            p: found.p,
+            q: found.p,
+            verdict,
         })
-    }
+    });
+    let changed = |units: &&&[(&SequenceRow, &SequenceRow)]| !units.iter().all(same);
+    Some(TrackerChange {
+        tracker: id.to_owned(),
+        protocol: units.first().map_or(String::new(), |(a, _)| a.protocol.clone()),
+        units: units.len(),
+        units_changed,
+        sequences: sequences.len(),
+        sequences_changed: sequences.iter().filter(changed).count(),
+        failed: [
+            units.iter().filter(|(a, _)| a.status.is_failed()).count(),
+            units.iter().filter(|(_, b)| b.status.is_failed()).count(),
+        ],
+        figures: changes.collect(),
+    })
 }
 
 /// A sequence's figures over all its start frames; `None` without scored frames.
 fn pair(units: &[(&SequenceRow, &SequenceRow)], figure: &str, average: Average) -> Option<Pair> {
     let (mut weight, mut a, mut b) = (0.0, 0.0, 0.0);
-    for (x, y) in units.iter().filter(|(x, _)| x.score.frames > 0) {
-        let frames = x.score.frames as f64;
+    for (x, y) in units.iter().filter(|(x, _)| x.score.frames() > 0) {
+        let frames = x.score.frames() as f64;
         weight += frames;
         a += frames * x.score.get(figure)?;
         b += frames * y.score.get(figure)?;
@@ -462,10 +441,10 @@ fn judge(changed: &mut [TrackerChange], fdr: f64) {
 }
 
 /// What makes figures of the two runs mean different things.
-fn obstacles(a: &Run, b: &Run, no_common_tracker: bool) -> Vec<String> {
+fn obstacles(a: &FinishedRun, b: &FinishedRun, no_common_tracker: bool) -> Vec<String> {
     const SHOWN: usize = 3;
     let mut found = Vec::new();
-    let protocols = |run: &Run| -> BTreeSet<String> {
+    let protocols = |run: &FinishedRun| -> BTreeSet<String> {
         let rows = run.results.sequences.iter();
         rows.map(|r| r.protocol.clone()).collect()
     };
@@ -480,7 +459,8 @@ fn obstacles(a: &Run, b: &Run, no_common_tracker: bool) -> Vec<String> {
             b.name
         ));
     }
-    if a.thresholds != b.thresholds {
+    let differ = |(metric, x): (&String, &Value)| b.thresholds.get(metric).is_some_and(|y| x != y);
+    if a.thresholds.iter().any(differ) {
         found.push(format!(
             "{} and {} have success rates at other thresholds",
             a.name, b.name
@@ -517,7 +497,7 @@ fn obstacles(a: &Run, b: &Run, no_common_tracker: bool) -> Vec<String> {
 }
 
 /// Settings that differ between the runs.
-fn settings(a: &Run, b: &Run, other_trackers: bool) -> Vec<String> {
+fn settings(a: &FinishedRun, b: &FinishedRun, other_trackers: bool) -> Vec<String> {
     const SHOWN: usize = 5;
     let plain = |v: &Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
     let mut found = Vec::new();
@@ -529,7 +509,7 @@ fn settings(a: &Run, b: &Run, other_trackers: bool) -> Vec<String> {
     for name in ["version", "seed", "pre"] {
         note(name, &a.description[name], &b.description[name]);
     }
-    let revision = |run: &Run| run.description["host"]["revision"].clone();
+    let revision = |run: &FinishedRun| run.description["host"]["revision"].clone();
     note("revision", &revision(a), &revision(b));
     if other_trackers {
         return found;
@@ -580,6 +560,27 @@ fn leaves(path: &str, x: &Value, y: &Value, found: &mut Vec<String>) {
         }
         _ => found.push(format!("{path} {x} -> {y}")),
     }
+}
+
+/// Metrics that are not compared, and why.
+fn not_compared(a: &FinishedRun, b: &FinishedRun) -> Vec<String> {
+    let names = |of: &Thresholds| -> BTreeSet<String> { of.keys().cloned().collect() };
+    let (of_a, of_b) = (names(&a.thresholds), names(&b.thresholds));
+    let unknown = |name: &&String| a.results.metrics.metric(name).is_none();
+    let mut found = Vec::new();
+    let mut note = |metrics: Vec<&String>, why: &str| {
+        if !metrics.is_empty() {
+            let list: Vec<&str> = metrics.into_iter().map(String::as_str).collect();
+            found.push(format!("not compared: {}, {why}", list.join(", ")));
+        }
+    };
+    note(of_a.difference(&of_b).collect(), &format!("in {} alone", a.name));
+    note(of_b.difference(&of_a).collect(), &format!("in {} alone", b.name));
+    note(
+        of_a.intersection(&of_b).filter(unknown).collect(),
+        "which this program does not know",
+    );
+    found
 }
 
 fn warnings(found: &Comparison, options: &Options) -> Vec<String> {

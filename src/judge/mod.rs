@@ -1,6 +1,10 @@
-//! Judgement: comparison of runs, statistics, baselines, tolerances. Depends on `metric` and `store`.
+//! Judgement of finished runs. Depends on `metric`, `plan` and `store`.
+//!
+//! [`change`] is the engine: it matches rows of two runs and says by how much a figure got better. [`compare`] adds
+//! statistics to it (is the change of a tracker more than chance?), [`gate`] adds tolerances (is it too large to pass?).
 
 pub mod baseline;
+pub mod change;
 pub mod compare;
 pub mod gate;
 pub mod stats;

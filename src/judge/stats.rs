@@ -8,6 +8,7 @@
 //! may as well be the other way round (Fisher's sign flips). Over many trackers the false discovery rate is controlled
 //! by Benjamini and Hochberg (1995).
 
+use crate::metric::quantile;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -94,7 +95,7 @@ fn interval(pairs: &[Pair], resamples: usize, rng: &mut Pcg64) -> [f64; 2] {
         .collect();
     draws.sort_unstable_by(f64::total_cmp);
     let tail = tail(n);
-    [quantile(&draws, tail), quantile(&draws, 1.0 - tail)]
+    [tail, 1.0 - tail].map(|q| quantile::linear(&draws, q))
 }
 
 /// Share of the bootstrap distribution of `n` sequences that lies beyond each end of a 95 % interval:
@@ -108,7 +109,7 @@ fn tail(n: usize) -> f64 {
 /// 97.5 % point of Student's t distribution, from the normal one's by the expansion of Fisher and Cornish (1960); within
 /// 1 % from two degrees of freedom on.
 fn student_975(freedom: f64) -> f64 {
-    let z: f64 = 1.959963984540054;
+    let z = quantile::NORMAL_975;
     let z2 = z * z;
     let terms = [
         (z2 + 1.0) / 4.0,
@@ -118,14 +119,6 @@ fn student_975(freedom: f64) -> f64 {
     ];
     let series = terms.iter().rev().fold(0.0, |sum, term| (sum + term) / freedom);
     z * (1.0 + series)
-}
-
-/// Quantile of sorted values, linear between them.
-fn quantile(sorted: &[f64], q: f64) -> f64 {
-    let at = q * (sorted.len() - 1) as f64;
-    let low = at.floor() as usize;
-    let high = (low + 1).min(sorted.len() - 1);
-    sorted[low] + (at - low as f64) * (sorted[high] - sorted[low])
 }
 
 /// Share of the sign patterns of the sequences' differences whose sum is at least as far from 0 as the true one.

@@ -1,72 +1,59 @@
 //! How much worse a figure may get before the regression gate fails: one rule for all, and others for some trackers or
 //! sequences.
 
-use crate::judge::baseline::{BaselineError, Figure, Key};
-use crate::report::OutputError;
+use crate::judge::baseline::gated;
+use crate::judge::change::Subject;
+use crate::metric::{Figure, MetricSet};
+use crate::store::FileError;
 use globset::{GlobBuilder, GlobMatcher};
-use serde::{Deserialize, Serialize};
+use serde::ser::SerializeMap;
+use serde::{Deserialize, Serialize, Serializer};
+use std::collections::BTreeMap;
 use std::path::Path;
 
-/// How much worse a figure may get.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+/// How much worse a figure may get: for each figure that the gate looks at the largest fall, or the largest rise where
+/// smaller is better.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Tolerances {
-    /// Largest fall of `sr_5`.
-    pub sr_5: f64,
-    /// Largest fall of `auc`.
-    pub auc: f64,
-    /// Largest rise of `al_median`, px.
-    pub al_median: f64,
+    /// By figure, in the order of columns.
+    figures: Vec<(String, f64)>,
     /// Other tolerances for some trackers or sequences; of those that fit, the last that names a figure holds.
-    #[serde(rename = "override", skip_serializing_if = "Vec::is_empty")]
     pub overrides: Vec<Override>,
 }
 
-impl Default for Tolerances {
-    fn default() -> Self {
-        Tolerances {
-            sr_5: 0.01,
-            auc: 0.005,
-            al_median: 0.05,
-            overrides: Vec::new(),
-        }
-    }
-}
-
 /// Tolerances of the trackers and sequences that fit its patterns.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Override {
     /// Which trackers: an id with `*` and `?`; all by default.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tracker: Option<Pattern>,
     /// Which sequences: a name or `dataset/name`, or `pooled`, with `*` and `?`; all and the pooled figures by default.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sequence: Option<Pattern>,
-    /// Largest fall of `sr_5`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub sr_5: Option<f64>,
-    /// Largest fall of `auc`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub auc: Option<f64>,
-    /// Largest rise of `al_median`, px.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub al_median: Option<f64>,
+    /// By figure.
+    #[serde(flatten)]
+    pub figures: BTreeMap<String, f64>,
 }
 
 impl Override {
-    fn of(&self, figure: Figure) -> Option<f64> {
-        match figure {
-            Figure::Sr5 => self.sr_5,
-            Figure::Auc => self.auc,
-            Figure::AlMedian => self.al_median,
-        }
-    }
-
-    fn fits(&self, key: &Key) -> bool {
-        let tracker = self.tracker.as_ref().is_none_or(|p| p.fits(&key.tracker));
-        let place = |p: &Pattern| p.fits(&key.place()) || p.fits(&key.sequence);
+    fn fits(&self, subject: &Subject) -> bool {
+        let tracker = self.tracker.as_ref().is_none_or(|p| p.fits(&subject.tracker));
+        let place = |p: &Pattern| p.fits(&subject.place()) || p.fits(&subject.sequence);
         tracker && self.sequence.as_ref().is_none_or(place)
+    }
+}
+
+impl Serialize for Tolerances {
+    /// As in the file.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        for (name, tolerance) in &self.figures {
+            map.serialize_entry(name, tolerance)?;
+        }
+        if !self.overrides.is_empty() {
+            map.serialize_entry("override", &self.overrides)?;
+        }
+        map.end()
     }
 }
 
@@ -114,57 +101,91 @@ impl From<Pattern> for String {
     }
 }
 
-impl Tolerances {
-    /// Every change counts.
-    pub const NONE: Tolerances = Tolerances {
-        sr_5: 0.0,
-        auc: 0.0,
-        al_median: 0.0,
-        overrides: Vec::new(),
-    };
+/// The file as it is written.
+#[derive(Deserialize)]
+struct Recorded {
+    #[serde(rename = "override", default)]
+    overrides: Vec<Override>,
+    #[serde(flatten)]
+    figures: BTreeMap<String, f64>,
+}
 
-    /// Reads a TOML file with any of the keys `sr_5`, `auc`, `al_median` and tables `[[override]]`; what is not named
-    /// keeps its default.
+impl Tolerances {
+    /// Those of the tables of metrics and figures.
+    pub fn of(metrics: &MetricSet) -> Tolerances {
+        Tolerances::with(metrics, |f| f.tolerance.unwrap_or(0.0))
+    }
+
+    /// Every change counts.
+    pub fn none(metrics: &MetricSet) -> Tolerances {
+        Tolerances::with(metrics, |_| 0.0)
+    }
+
+    fn with(metrics: &MetricSet, tolerance: impl Fn(&Figure) -> f64) -> Tolerances {
+        Tolerances {
+            figures: gated(metrics).map(|f| (f.name.clone(), tolerance(f))).collect(),
+            overrides: Vec::new(),
+        }
+    }
+
+    /// Reads a TOML file: gated figures (`sr_5 = 0.01`, ...) and tables `[[override]]`; what is not named keeps its default.
     ///
     /// # Errors
-    /// [`BaselineError`] when it is missing, not TOML, has other keys or a tolerance is not a number `>= 0`.
-    pub fn read(path: &Path) -> Result<Tolerances, BaselineError> {
-        let text = std::fs::read_to_string(path).map_err(|source| OutputError::Io {
-            path: path.to_owned(),
-            source,
-        })?;
-        let wrong = |reason| OutputError::Format {
-            path: path.to_owned(),
-            reason,
-        };
-        let read: Tolerances = toml::from_str(&text).map_err(|e| wrong(e.to_string()))?;
-        let general = Figure::ALL.map(|f| read.general(f));
-        let special = read
-            .overrides
+    /// [`FileError`] when it is missing, not TOML, has other keys or a tolerance is not a number `>= 0`.
+    pub fn read(path: &Path, metrics: &MetricSet) -> Result<Tolerances, FileError> {
+        let text = std::fs::read_to_string(path).map_err(|e| FileError::io(path, e))?;
+        Tolerances::parse(&text, metrics).map_err(|reason| FileError::format(path, reason))
+    }
+
+    fn parse(text: &str, metrics: &MetricSet) -> Result<Tolerances, String> {
+        let recorded: Recorded = toml::from_str(text).map_err(|e| e.to_string())?;
+        let mut tolerances = Tolerances::of(metrics);
+        let special = recorded.overrides.iter().flat_map(|o| &o.figures);
+        for (name, tolerance) in recorded.figures.iter().chain(special) {
+            if tolerances.general(name).is_none() {
+                let names: Vec<&str> = tolerances.figures.iter().map(|(name, _)| name.as_str()).collect();
+                return Err(format!(
+                    "there is no tolerance '{name}' (one of {})",
+                    names.join(", ")
+                ));
+            }
+            if tolerance.is_nan() || *tolerance < 0.0 {
+                return Err("a tolerance is a number >= 0".to_owned());
+            }
+        }
+        for (name, tolerance) in &recorded.figures {
+            tolerances.set(name, *tolerance);
+        }
+        tolerances.overrides = recorded.overrides;
+        Ok(tolerances)
+    }
+
+    /// Sets the tolerance of a gated figure where no override fits.
+    pub fn set(&mut self, figure: &str, tolerance: f64) {
+        for (_, value) in self.figures.iter_mut().filter(|(name, _)| name == figure) {
+            *value = tolerance;
+        }
+    }
+
+    /// The gated figures with their tolerances where no override fits, in the order of columns.
+    pub fn figures(&self) -> impl Iterator<Item = (&str, f64)> {
+        self.figures
             .iter()
-            .flat_map(|o| Figure::ALL.into_iter().filter_map(|f| o.of(f)));
-        if general.into_iter().chain(special).any(|t| t.is_nan() || t < 0.0) {
-            return Err(wrong("a tolerance is a number >= 0".to_owned()).into());
-        }
-        Ok(read)
+            .map(|(name, tolerance)| (name.as_str(), *tolerance))
     }
 
-    /// The tolerance of a figure where no override fits.
-    pub fn general(&self, figure: Figure) -> f64 {
-        match figure {
-            Figure::Sr5 => self.sr_5,
-            Figure::Auc => self.auc,
-            Figure::AlMedian => self.al_median,
-        }
+    /// The tolerance of a figure where no override fits; `None` for one that is not gated.
+    pub fn general(&self, figure: &str) -> Option<f64> {
+        self.figures()
+            .find(|(name, _)| *name == figure)
+            .map(|(_, tolerance)| tolerance)
     }
 
-    /// The tolerance of a figure of one tracker on one sequence.
-    pub fn of(&self, key: &Key, figure: Figure) -> f64 {
-        let fitting = self.overrides.iter().rev().filter(|o| o.fits(key));
-        fitting
-            .filter_map(|o| o.of(figure))
-            .next()
-            .unwrap_or_else(|| self.general(figure))
+    /// The tolerance of a gated figure of one tracker on one sequence; 0 for others.
+    pub fn at(&self, subject: &Subject, figure: &str) -> f64 {
+        let fitting = self.overrides.iter().rev().filter(|o| o.fits(subject));
+        let special = fitting.filter_map(|o| o.figures.get(figure).copied()).next();
+        special.or_else(|| self.general(figure)).unwrap_or(0.0)
     }
 }
 
@@ -172,19 +193,19 @@ impl Tolerances {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> Result<Tolerances, BaselineError> {
+    fn read(text: &str) -> Result<Tolerances, FileError> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("check.toml");
         std::fs::write(&path, text).unwrap();
-        Tolerances::read(&path)
+        Tolerances::read(&path, &MetricSet::builtin())
     }
 
     #[test]
     fn file() {
-        let expected = Tolerances {
-            auc: 0.1,
-            ..Tolerances::default()
-        };
+        let mut expected = Tolerances::of(&MetricSet::builtin());
+        let shown: Vec<(&str, f64)> = expected.figures().collect();
+        assert_eq!(shown, [("sr_5", 0.01), ("auc", 0.005), ("al_median", 0.05)]);
+        expected.set("auc", 0.1);
         assert_eq!(read("auc = 0.1").unwrap(), expected);
         assert!(read("aucc = 0.1").unwrap_err().to_string().contains("aucc"));
         for wrong in [
@@ -211,23 +232,23 @@ mod tests {
             auc = 0.4
         "#;
         let read = read(text).unwrap();
-        let of = |tracker: &str, sequence: &str, figure| {
-            let key = Key {
+        let of = |tracker: &str, sequence: &str, figure: &str| {
+            let subject = Subject {
                 tracker: tracker.to_owned(),
                 dataset: "d".to_owned(),
                 sequence: sequence.to_owned(),
                 start: 0,
                 protocol: "ope".to_owned(),
             };
-            read.of(&key, figure)
+            read.at(&subject, figure)
         };
-        assert_eq!(of("esm/ssd/affine", "fast1", Figure::Auc), 0.1);
-        assert_eq!(of("pf/ssd/affine", "fast1", Figure::Auc), 0.2);
-        assert_eq!(of("pf/ssd/affine{max_iters=5}", "fast1", Figure::Auc), 0.4);
-        assert_eq!(of("pf/ssd/affine{max_iters=5}", "slow", Figure::Auc), 0.2);
-        assert_eq!(of("pf/ssd/affine{max_iters=5}", "fast1", Figure::Sr5), 0.3);
-        assert_eq!(of("pf/ssd/affine", "x", Figure::AlMedian), 0.05);
-        let again: Tolerances = toml::from_str(&toml::to_string(&read).unwrap()).unwrap();
-        assert_eq!(again, read);
+        assert_eq!(of("esm/ssd/affine", "fast1", "auc"), 0.1);
+        assert_eq!(of("pf/ssd/affine", "fast1", "auc"), 0.2);
+        assert_eq!(of("pf/ssd/affine{max_iters=5}", "fast1", "auc"), 0.4);
+        assert_eq!(of("pf/ssd/affine{max_iters=5}", "slow", "auc"), 0.2);
+        assert_eq!(of("pf/ssd/affine{max_iters=5}", "fast1", "sr_5"), 0.3);
+        assert_eq!(of("pf/ssd/affine", "x", "al_median"), 0.05);
+        let text = toml::to_string(&read).unwrap();
+        assert_eq!(Tolerances::parse(&text, &MetricSet::builtin()), Ok(read));
     }
 }

@@ -4,6 +4,7 @@
 //! tracker, which knows the box in the unwarped image, starts there. It has converged when it is within a threshold
 //! of the moved corners after a few updates on the warped image. All trackers see the same warps.
 
+use crate::metric::quantile::NORMAL_975;
 use crate::plan::{TrackerEntry, derived_seed, usual_filter};
 use mtf::geom::{Corners, Mat3, homography};
 use mtf::image::{Frame, Image, PreProcessor};
@@ -102,7 +103,7 @@ impl BasinRow {
 
     /// 95 % interval of the rate (Wilson 1927).
     pub fn interval(&self) -> [f64; 2] {
-        const Z: f64 = 1.959_963_984_540_054;
+        const Z: f64 = NORMAL_975;
         let (n, p) = (self.trials as f64, self.rate());
         let centre = (p + Z * Z / (2.0 * n)) / (1.0 + Z * Z / n);
         let half = Z / (1.0 + Z * Z / n) * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();

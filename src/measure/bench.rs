@@ -9,8 +9,7 @@
 
 use crate::dataset::{DatasetError, Sequence};
 use crate::measure::machine::Machine;
-use crate::metric::error::frame_error;
-use crate::metric::score::Sample;
+use crate::metric::{Errors, MetricSet, Sample, quantile};
 use crate::panics;
 use crate::plan::{TrackerEntry, sequence_id, usual_filter};
 use mtf::image::{Frame, PreProcessor};
@@ -113,10 +112,7 @@ impl BenchRow {
     fn new(tracker: &str, mut seconds: Vec<f64>, iterations: u64, sr_5: f64) -> BenchRow {
         let frames = seconds.len();
         seconds.sort_by(f64::total_cmp);
-        let quantile = |q: f64| match frames {
-            0 => f64::NAN,
-            n => 1e6 * seconds[(q * (n - 1) as f64).round() as usize],
-        };
+        let quantile = |q: f64| quantile::nearest(&seconds, q).map_or(f64::NAN, |s| 1e6 * s);
         let total: f64 = seconds.iter().sum();
         let us_per_frame = 1e6 * total / frames as f64;
         let per = |n: u64| (n > 0).then(|| 1e6 * total / n as f64);
@@ -169,11 +165,10 @@ pub struct Measurement {
 }
 
 /// What the measurement of one tracker adds up to, over sequences.
-#[derive(Default)]
 struct Sum {
     seconds: Vec<f64>,
     iterations: u64,
-    errors: Vec<Option<crate::metric::error::FrameError>>,
+    errors: Errors,
     failed: Option<String>,
 }
 
@@ -181,7 +176,7 @@ struct Sum {
 struct Pass {
     seconds: Vec<f64>,
     iterations: u64,
-    errors: Vec<Option<crate::metric::error::FrameError>>,
+    errors: Errors,
 }
 
 /// Measures everything in `request`, one tracker at a time. `progress` is told the share that is done.
@@ -193,7 +188,14 @@ pub fn run(
     stop: &AtomicBool,
     progress: &dyn Fn(f64),
 ) -> Result<BenchReport, BenchError> {
-    let mut sums: Vec<Sum> = request.trackers.iter().map(|_| Sum::default()).collect();
+    let metrics = MetricSet::builtin();
+    let nothing = || Sum {
+        seconds: Vec::new(),
+        iterations: 0,
+        errors: Errors::new(&metrics),
+        failed: None,
+    };
+    let mut sums: Vec<Sum> = request.trackers.iter().map(|_| nothing()).collect();
     let passes = (request.sequences.len() * request.trackers.len() * (request.repeats + 1)) as f64;
     let mut done = 0.0;
     for sequence in &request.sequences {
@@ -228,7 +230,7 @@ pub fn run(
             let Some(pass) = pass else { continue };
             sum.seconds.extend(pass.seconds);
             sum.iterations += pass.iterations;
-            sum.errors.extend(pass.errors);
+            sum.errors.extend(&pass.errors);
         }
     }
     let mut report = BenchReport::default();
@@ -240,8 +242,7 @@ pub fn run(
                 .failed
                 .push((id.clone(), "no frame could be tracked".to_owned())),
             None => {
-                let sample = Sample::new(&sum.errors, []);
-                let sr_5 = sample.score().sr_5;
+                let sr_5 = Sample::new(&metrics, [&sum.errors]).score()["sr_5"];
                 report
                     .rows
                     .push(BenchRow::new(id, sum.seconds, sum.iterations, sr_5));
@@ -287,7 +288,7 @@ fn track(
     let mut pass = Pass {
         seconds: Vec::with_capacity(frames.len()),
         iterations: 0,
-        errors: Vec::with_capacity(frames.len()),
+        errors: Errors::new(&MetricSet::builtin()),
     };
     for (i, frame) in (start + 1..).zip(&frames[1..]) {
         let truth = sequence.truth(i);
@@ -304,8 +305,7 @@ fn track(
             pass.iterations += u64::from(update.iterations);
         }
         if let Some(truth) = truth {
-            pass.errors
-                .push(update.ok().map(|u| frame_error(&u.corners, &truth)));
+            pass.errors.push(update.ok().map(|u| u.corners).as_ref(), &truth);
         }
     }
     Ok(pass)
@@ -368,7 +368,7 @@ mod tests {
         let pass = |seconds: &[f64]| Pass {
             seconds: seconds.to_vec(),
             iterations: 3,
-            errors: Vec::new(),
+            errors: Errors::new(&MetricSet::builtin()),
         };
         let kept = least(Some(pass(&[1.0, 5.0])), pass(&[2.0, 4.0]));
         assert_eq!((kept.seconds, kept.iterations), (vec![1.0, 4.0], 3));

@@ -3,9 +3,7 @@
 //! Rows are sorted (trackers by id, sequences by data set, name and start frame), so the result does not depend on
 //! the order in which units finished.
 
-use crate::metric::error::{FrameError, Metric};
-use crate::metric::score::{Sample, Score};
-use crate::plan::Protocol;
+use crate::metric::{Direction, Errors, Metric, MetricSet, Sample, Score};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -58,7 +56,7 @@ impl UnitStatus {
 }
 
 /// One tracker on one sequence from one start frame.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct UnitResult {
     /// Who tracked.
     pub tracker: TrackerName,
@@ -68,18 +66,16 @@ pub struct UnitResult {
     pub sequence: String,
     /// Index of the initial frame.
     pub start: usize,
-    /// [`Protocol`]: `ope`, `subseq:10`, ...
+    /// Protocol: `ope`, `subseq:10`, ...
     pub protocol: String,
+    /// Whether the protocol starts a tracker anew after a failure; see [`Sample::restarted`].
+    pub restarted: bool,
     /// How the run ended.
-    #[serde(flatten)]
     pub status: UnitStatus,
-    /// One per scored frame (annotated, not initial; see [`Protocol`]); `None`: no or non-finite output, or a failure that
-    /// the tracker was started anew after. A failed run has `None` for the frames it did not reach, as far as their number
-    /// is known.
-    pub errors: Vec<Option<FrameError>>,
-    /// Error over the dense grid of each frame that has such truth, px; infinite without output.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub grid: Vec<f64>,
+    /// Of the evaluated frames: annotated and not started on. No output: none or a non-finite one, or a failure that the
+    /// tracker was started anew after. A failed run has no output in the frames it did not reach, as far as their number is
+    /// known.
+    pub errors: Errors,
 }
 
 /// What an aggregate averages over.
@@ -103,7 +99,7 @@ impl Average {
 }
 
 /// Figures of one unit. Serialised without the tracker, under which files nest it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SequenceRow {
     /// Who tracked.
     #[serde(skip)]
@@ -125,14 +121,14 @@ pub struct SequenceRow {
 }
 
 /// Figures of one tracker over all its sequences. Serialised without the tracker, under which files nest it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SummaryRow {
     /// Who tracked.
     #[serde(skip)]
     pub tracker: TrackerName,
     /// Over frames or over sequences.
     pub average: Average,
-    /// What the success rates are of: the alignment error.
+    /// What the success rates are of: the primary metric.
     pub metric: Metric,
     /// Protocol.
     pub protocol: String,
@@ -147,9 +143,9 @@ pub struct SummaryRow {
     pub score: Score,
 }
 
-/// A success curve at the [`thresholds`](crate::metric::score::thresholds) of its metric. Serialised without the tracker,
-/// under which files nest it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A success curve at the [thresholds](Metric::thresholds) of its metric. Serialised without the tracker, under which
+/// files nest it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CurveRow {
     /// Who tracked.
     #[serde(skip)]
@@ -181,6 +177,8 @@ impl CurveRow {
 /// All rows of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Results {
+    /// The metrics that all rows are of.
+    pub metrics: MetricSet,
     /// A row per unit.
     pub sequences: Vec<SequenceRow>,
     /// Two rows (pooled, seq_mean) per tracker and protocol.
@@ -197,7 +195,12 @@ impl Results {
             .iter()
             .filter(|r| r.average == Average::Pooled)
             .collect();
-        rows.sort_by(|a, b| descending(a.score.auc, b.score.auc).then_with(|| a.tracker.cmp(&b.tracker)));
+        let larger = Direction::LargerIsBetter;
+        rows.sort_by(|a, b| {
+            larger
+                .order(a.score["auc"], b.score["auc"])
+                .then_with(|| a.tracker.cmp(&b.tracker))
+        });
         rows
     }
 
@@ -207,21 +210,9 @@ impl Results {
     }
 }
 
-/// Larger first, NaN last.
-pub(crate) fn descending(a: f64, b: f64) -> std::cmp::Ordering {
-    ascending(-a, -b)
-}
-
-/// Smaller first, NaN last.
-pub(crate) fn ascending(a: f64, b: f64) -> std::cmp::Ordering {
-    a.is_nan()
-        .cmp(&b.is_nan())
-        .then_with(|| a.partial_cmp(&b).unwrap_or(std::cmp::Ordering::Equal))
-}
-
 /// Computes every row from finished units. The order of `units` does not matter; each (tracker, data set, sequence,
 /// start, protocol) must occur once.
-pub fn aggregate(units: &[UnitResult]) -> Results {
+pub fn aggregate(metrics: &MetricSet, units: &[UnitResult]) -> Results {
     let mut groups: BTreeMap<(&TrackerName, &str), Vec<&UnitResult>> = BTreeMap::new();
     for unit in units {
         groups
@@ -230,8 +221,11 @@ pub fn aggregate(units: &[UnitResult]) -> Results {
             .push(unit);
     }
     let groups: Vec<Vec<&UnitResult>> = groups.into_values().collect();
-    let parts: Vec<Results> = groups.par_iter().map(|units| aggregate_tracker(units)).collect();
-    let mut all = Results::default();
+    let parts: Vec<Results> = groups
+        .par_iter()
+        .map(|units| aggregate_tracker(metrics, units))
+        .collect();
+    let mut all = Results::new(metrics);
     for part in parts {
         all.extend(part);
     }
@@ -241,48 +235,46 @@ pub fn aggregate(units: &[UnitResult]) -> Results {
 /// The rows of one tracker under one protocol: [`aggregate`] for callers that cannot hold the errors of all trackers
 /// at once. Feed the trackers sorted and join the parts with [`Results::extend`]. Every unit must name the same
 /// tracker and protocol.
-pub fn aggregate_tracker(units: &[&UnitResult]) -> Results {
-    let mut results = Results::default();
+pub fn aggregate_tracker(metrics: &MetricSet, units: &[&UnitResult]) -> Results {
+    let mut results = Results::new(metrics);
     let mut units: Vec<&UnitResult> = units.to_vec();
     let Some(UnitResult {
-        tracker, protocol, ..
+        tracker,
+        protocol,
+        restarted,
+        ..
     }) = units.first().copied()
     else {
         return results;
     };
     units.sort_by_key(|u| (&u.dataset, &u.sequence, u.start));
 
-    let restarted = protocol.parse().is_ok_and(|p: Protocol| p.restarts_on_failure());
     let sample = |units: &[&UnitResult]| {
-        let grid = units.iter().flat_map(|u| &u.grid).copied();
-        let sample = Sample::new(units.iter().flat_map(|u| &u.errors), grid);
-        if restarted { sample.restarted() } else { sample }
+        let sample = Sample::new(metrics, units.iter().map(|u| &u.errors));
+        if *restarted { sample.restarted() } else { sample }
     };
     let pooled = sample(&units);
-    let curve = |dataset: &str, sequence: &str, metric, sample: &Sample| CurveRow {
+    let curve = |dataset: &str, sequence: &str, index: usize, sample: &Sample| CurveRow {
         tracker: tracker.clone(),
         dataset: dataset.to_owned(),
         sequence: sequence.to_owned(),
         protocol: protocol.clone(),
-        metric,
-        success_rate: if sample.frames() > 0 {
-            sample.curve(metric)
-        } else {
-            Vec::new()
-        },
+        metric: metrics.metrics()[index],
+        success_rate: sample.curve(index),
     };
     results
         .curves
-        .extend(pooled.metrics().map(|m| curve(ALL_DATASETS, POOLED, m, &pooled)));
+        .extend(pooled.measured().map(|m| curve(ALL_DATASETS, POOLED, m, &pooled)));
 
     let mut sequence_scores = Vec::new();
     for starts in units.chunk_by(|a, b| (&a.dataset, &a.sequence) == (&b.dataset, &b.sequence)) {
         let all = sample(starts);
+        // Of the primary metric.
         results
             .curves
-            .push(curve(&starts[0].dataset, &starts[0].sequence, Metric::Al, &all));
+            .push(curve(&starts[0].dataset, &starts[0].sequence, 0, &all));
         let score = all.score();
-        sequence_scores.push(score);
+        sequence_scores.push(score.clone());
         results.sequences.extend(starts.iter().map(|unit| SequenceRow {
             tracker: tracker.clone(),
             dataset: unit.dataset.clone(),
@@ -291,7 +283,7 @@ pub fn aggregate_tracker(units: &[&UnitResult]) -> Results {
             protocol: protocol.clone(),
             status: unit.status.clone(),
             score: if starts.len() == 1 {
-                score
+                score.clone()
             } else {
                 sample(&[unit]).score()
             },
@@ -301,7 +293,7 @@ pub fn aggregate_tracker(units: &[&UnitResult]) -> Results {
     let summary = |average, score| SummaryRow {
         tracker: tracker.clone(),
         average,
-        metric: Metric::Al,
+        metric: *metrics.primary(),
         protocol: protocol.clone(),
         sequences: sequence_scores.len(),
         runs: units.len(),
@@ -310,13 +302,21 @@ pub fn aggregate_tracker(units: &[&UnitResult]) -> Results {
     };
     results.summary = vec![
         summary(Average::Pooled, pooled.score()),
-        summary(Average::SeqMean, Score::mean(&sequence_scores)),
+        summary(Average::SeqMean, Score::mean(metrics, &sequence_scores)),
     ];
     results
 }
 
 impl Results {
-    /// Appends the rows of another tracker.
+    /// No rows yet.
+    pub fn new(metrics: &MetricSet) -> Results {
+        Results {
+            metrics: metrics.clone(),
+            ..Results::default()
+        }
+    }
+
+    /// Appends the rows of another tracker, of the same metrics.
     pub fn extend(&mut self, other: Results) {
         self.sequences.extend(other.sequences);
         self.summary.extend(other.summary);
@@ -328,13 +328,16 @@ impl Results {
 #[cfg(test)]
 pub(crate) mod example {
     use super::*;
-    use crate::metric::error::frame_error;
     use mtf::geom::Corners;
 
     pub(crate) fn unit(tracker: &str, sequence: &str, shifts: &[Option<f64>]) -> UnitResult {
         let mut parts = tracker.split('/').map(str::to_owned);
         let mut part = || parts.next().unwrap_or_default();
         let truth = Corners::rect(40.0, 40.0, 100.0, 80.0);
+        let mut errors = Errors::new(&MetricSet::builtin());
+        for shift in shifts {
+            errors.push(shift.map(|d| truth.translated(d, 0.0)).as_ref(), &truth);
+        }
         UnitResult {
             tracker: TrackerName {
                 id: tracker.to_owned(),
@@ -347,13 +350,20 @@ pub(crate) mod example {
             sequence: sequence.to_owned(),
             start: 0,
             protocol: "ope".to_owned(),
+            restarted: false,
             status: UnitStatus::Ok,
-            errors: shifts
-                .iter()
-                .map(|s| s.map(|d| frame_error(&truth.translated(d, 0.0), &truth)))
-                .collect(),
-            grid: Vec::new(),
+            errors,
         }
+    }
+
+    /// Of [`units`].
+    pub(crate) fn results() -> Results {
+        of(&units())
+    }
+
+    /// Of the metrics of this program.
+    pub(crate) fn of(units: &[UnitResult]) -> Results {
+        aggregate(&MetricSet::builtin(), units)
     }
 
     pub(crate) fn units() -> Vec<UnitResult> {
@@ -379,12 +389,12 @@ pub(crate) mod example {
 
 #[cfg(test)]
 mod tests {
-    use super::example::{unit, units};
+    use super::example::{of, unit, units};
     use super::*;
 
     #[test]
     fn pooled_weighs_frames_and_seq_mean_sequences() {
-        let results = aggregate(&units());
+        let results = of(&units());
         let iclk: Vec<_> = results
             .summary
             .iter()
@@ -392,10 +402,10 @@ mod tests {
             .collect();
         assert_eq!(iclk[0].average, Average::Pooled);
         // 4 of 6 frames within 5 px; per sequence 2/2 and 2/4.
-        assert_eq!(iclk[0].score.sr_5, 0.666667);
-        assert_eq!(iclk[1].score.sr_5, 0.75);
+        assert_eq!(iclk[0].score["sr_5"], 0.666667);
+        assert_eq!(iclk[1].score["sr_5"], 0.75);
         assert_eq!(
-            (iclk[0].sequences, iclk[0].runs, iclk[0].score.failures),
+            (iclk[0].sequences, iclk[0].runs, iclk[0].score.failures()),
             (2, 2, 2)
         );
         assert_eq!(results.ranking()[0].tracker.id, "esm/ssd/homography");
@@ -403,7 +413,7 @@ mod tests {
         // The failed run appears with its frames as failures.
         let died = results.sequences.iter().find(|r| r.status.is_failed()).unwrap();
         assert_eq!(
-            (died.score.frames, died.score.failures, died.score.sr_20),
+            (died.score.frames(), died.score.failures(), died.score["sr_20"]),
             (2, 2, 0.0)
         );
     }
@@ -413,10 +423,7 @@ mod tests {
         let mut shuffled = units();
         shuffled.reverse();
         shuffled.swap(1, 3);
-        assert_eq!(
-            format!("{:?}", aggregate(&shuffled)),
-            format!("{:?}", aggregate(&units()))
-        );
+        assert_eq!(format!("{:?}", of(&shuffled)), format!("{:?}", of(&units())));
     }
 
     #[test]
@@ -428,7 +435,7 @@ mod tests {
             unit("esm/ssd/affine", "wall", &[Some(0.0), Some(0.0), Some(0.0)]),
             unit("esm/ssd/affine", "book", &[Some(50.0)]),
         ];
-        let results = aggregate(&units);
+        let results = of(&units);
         assert_eq!(
             results
                 .sequences
@@ -437,9 +444,9 @@ mod tests {
                 .collect::<Vec<_>>(),
             [("book", 0), ("wall", 0), ("wall", 3)]
         );
-        assert_eq!(results.summary[0].score.sr_20, 0.6);
+        assert_eq!(results.summary[0].score["sr_20"], 0.6);
         // book 0, wall 3/4.
-        assert_eq!(results.summary[1].score.sr_20, 0.375);
+        assert_eq!(results.summary[1].score["sr_20"], 0.375);
         assert_eq!((results.summary[0].sequences, results.summary[0].runs), (2, 3));
         assert_eq!(results.curves.len(), 4 + 2);
     }
@@ -448,10 +455,10 @@ mod tests {
     fn sequences_without_frames_appear() {
         let mut dead = unit("esm/ssd/affine", "wall", &[]);
         dead.status = UnitStatus::Failed("cannot read frame 1".to_owned());
-        let results = aggregate(&[dead, unit("esm/ssd/affine", "book", &[Some(0.0)])]);
+        let results = of(&[dead, unit("esm/ssd/affine", "book", &[Some(0.0)])]);
         assert_eq!(results.sequences.len(), 2);
         assert_eq!(
-            (results.summary[1].score.sr_5, results.summary[1].failed_runs),
+            (results.summary[1].score["sr_5"], results.summary[1].failed_runs),
             (1.0, 1)
         );
         assert!(results.curves.last().unwrap().success_rate.is_empty());
@@ -459,6 +466,6 @@ mod tests {
 
     #[test]
     fn nothing() {
-        assert_eq!(aggregate(&[]), Results::default());
+        assert_eq!(of(&[]), Results::default());
     }
 }

@@ -65,13 +65,18 @@ impl UnitKeys {
                 "frames": s.frames,
             }))
         };
+        let mut run = json!({
+            "schema": plan.schema_version,
+            "crate": plan.version,
+            "pre": plan.pre,
+            "seed": plan.seed,
+        });
+        // What is kept of a frame depends on them.
+        if !plan.metrics.is_empty() {
+            run["metrics"] = plan.metrics.as_slice().into();
+        }
         UnitKeys {
-            run: hash(json!({
-                "schema": plan.schema_version,
-                "crate": plan.version,
-                "pre": plan.pre,
-                "seed": plan.seed,
-            })),
+            run: hash(run),
             trackers: plan.trackers.iter().map(tracker).collect(),
             sequences: plan.sequences.iter().map(sequence).collect(),
             courses: plan.protocol.iter().map(course).collect(),

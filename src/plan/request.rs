@@ -6,6 +6,7 @@ use super::shard::Shard;
 use super::tracker::TrackerEntry;
 use super::units::{FrameLogs, Plan, PlannedSequence, PlannedTracker, RUN_FORMAT_VERSION};
 use crate::dataset::Sequence;
+use crate::metric::MetricSet;
 use crate::metric::aggregate::TrackerName;
 use mtf::image::{Gaussian, PreProcessor};
 use serde_json::{Map, Value};
@@ -31,6 +32,8 @@ pub struct RunRequest {
     pub protocol: Protocols,
     /// Seed from which each unit derives its own.
     pub seed: u64,
+    /// What is measured.
+    pub metrics: MetricSet,
     /// The part of the units to run; all without.
     pub shard: Option<Shard>,
     /// Worker threads; 0 for one per core. Never changes a result.
@@ -100,6 +103,12 @@ impl RunRequestBuilder {
     /// Seed from which each unit derives its own.
     pub fn seed(mut self, seed: u64) -> Self {
         self.request.seed = seed;
+        self
+    }
+
+    /// What is measured.
+    pub fn metrics(mut self, metrics: MetricSet) -> Self {
+        self.request.metrics = metrics;
         self
     }
 
@@ -219,7 +228,8 @@ impl RunRequest {
     ///     .out("results/first")
     ///     .protocol(Protocol::Subseq(10))
     ///     .build()?;
-    /// let report = mtf_eval::run::run(&request, &mtf_eval::run::Silent, &AtomicBool::new(false))?;
+    /// let files = mtf_eval::report::Exporters::builtin();
+    /// let report = mtf_eval::run::run(&request, &files, &mtf_eval::run::Silent, &AtomicBool::new(false))?;
     /// println!("{} units in {}", report.units, report.path.display());
     /// # Ok(())
     /// # }
@@ -232,6 +242,7 @@ impl RunRequest {
                 pre: usual_filter(),
                 protocol: Protocols::default(),
                 seed: 0,
+                metrics: MetricSet::builtin(),
                 shard: None,
                 threads: 0,
                 threads_per_tracker: 1,
@@ -323,6 +334,7 @@ impl RunRequest {
             seed: self.seed,
             pre: self.pre.id(),
             frame_logs: self.frame_logs,
+            metrics: self.metrics.added_names(),
             about: self.about.clone(),
             trackers: trackers.iter().map(describe).collect(),
             sequences: planned,

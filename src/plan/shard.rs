@@ -200,6 +200,7 @@ mod tests {
             seed: 0,
             pre: "none".into(),
             frame_logs: FrameLogs::Csv,
+            metrics: Vec::new(),
             about: Map::new(),
             trackers: (0..trackers)
                 .map(|k| PlannedTracker {

@@ -122,6 +122,9 @@ pub struct Plan {
     pub pre: String,
     /// Where the corners go.
     pub frame_logs: FrameLogs,
+    /// Names of the metrics that the program adds to its own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub metrics: Vec<String>,
     /// What else is recorded about data and settings; says nothing about results that the rest does not.
     #[serde(flatten)]
     pub about: Map<String, Value>,
@@ -233,7 +236,7 @@ impl Plan {
 
     /// The first thing in which `other` asks for other results than `self`; the way of asking does not count.
     pub fn difference(&self, other: &Plan) -> Option<String> {
-        let settings = |p: &Plan| -> [(&'static str, String); 6] {
+        let settings = |p: &Plan| -> [(&'static str, String); 7] {
             [
                 ("schema version", p.schema_version.to_string()),
                 ("version", p.version.clone()),
@@ -241,6 +244,7 @@ impl Plan {
                 ("seed", p.seed.to_string()),
                 ("filter", p.pre.clone()),
                 ("frame logs", p.frame_logs.extension().to_owned()),
+                ("added metrics", p.metrics.join(",")),
             ]
         };
         for ((what, a), (_, b)) in settings(self).into_iter().zip(settings(other)) {

@@ -1,7 +1,7 @@
 //! A bar chart of speeds: frames per second of each tracker, with other programs' bars below the tracker of ours that does
 //! the same.
 
-use super::OutputError;
+use super::ReportError;
 use super::plot::{COLOURS, GRID, INK, SCALE, anchored, picture, shorten};
 use crate::measure::bench::BenchRow;
 use plotters::prelude::*;
@@ -22,8 +22,8 @@ const LABEL: usize = 46;
 /// Draws groups of rows, each led by a row of ours. The scale is linear from 0, so lengths compare.
 ///
 /// # Errors
-/// [`OutputError::Plot`] when the drawing backend refuses.
-pub fn bars_svg(groups: &[Vec<&BenchRow>], title: &str, note: &str) -> Result<String, OutputError> {
+/// [`ReportError::Plot`] when the drawing backend refuses.
+pub fn bars_svg(groups: &[Vec<&BenchRow>], title: &str, note: &str) -> Result<String, ReportError> {
     let rows: usize = groups.iter().map(Vec::len).sum();
     let height = TOP + rows as u32 * STEP + groups.len() as u32 * GAP + BOTTOM;
     picture(WIDTH, height, |root| {

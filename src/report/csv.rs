@@ -1,7 +1,9 @@
 //! The three CSV files of a run directory.
 
 use crate::metric::aggregate::{Results, SummaryRow, TrackerName};
-use crate::metric::score::{Score, threshold};
+use crate::metric::figure::Kind;
+use crate::metric::{MetricSet, Score};
+use crate::report::{About, Exporter};
 use std::io::{self, Write};
 
 const TRACKER: [&str; 5] = ["tracker", "sm", "am", "ssm", "ilm"];
@@ -22,21 +24,22 @@ pub(super) fn number(v: f64) -> String {
     }
 }
 
-/// The cells of [`Score::COLUMNS`]; counts are whole numbers.
+/// The cells of a score; counts are whole numbers.
 fn score_cells(score: &Score) -> impl Iterator<Item = String> {
-    let cells = Score::COLUMNS.into_iter().zip(score.values());
-    cells.map(|(c, v)| {
-        if c == "frames" || c == "failures" {
-            v.to_string()
-        } else {
-            number(v)
-        }
+    score.iter().map(|(figure, v)| match figure.kind {
+        Kind::Count => v.to_string(),
+        Kind::Number => number(v),
     })
 }
 
-fn write_rows(
+/// Their columns.
+fn score_columns(metrics: &MetricSet) -> impl Iterator<Item = &str> {
+    metrics.figures().iter().map(|f| f.name.as_str())
+}
+
+fn write_rows<'a>(
     out: &mut dyn Write,
-    header: impl IntoIterator<Item = &'static str>,
+    header: impl IntoIterator<Item = &'a str>,
     rows: impl Iterator<Item = Vec<String>>,
 ) -> io::Result<()> {
     // The system's own error: wrapped in one of the csv crate a full disk could not be told from other failures.
@@ -53,7 +56,57 @@ fn write_rows(
 }
 
 /// `sequences.csv`: a row per unit.
-pub(super) fn sequences(out: &mut dyn Write, results: &Results) -> io::Result<()> {
+pub(super) struct SequencesCsv;
+
+impl Exporter for SequencesCsv {
+    fn file(&self) -> &str {
+        "sequences.csv"
+    }
+
+    fn summary(&self) -> &str {
+        "figures of each tracker on each sequence from each start frame"
+    }
+
+    fn write(&self, results: &Results, _: &About, out: &mut dyn Write) -> io::Result<()> {
+        sequences(out, results)
+    }
+}
+
+/// `summary.csv`: a row per tracker and average.
+pub(super) struct SummaryCsv;
+
+impl Exporter for SummaryCsv {
+    fn file(&self) -> &str {
+        "summary.csv"
+    }
+
+    fn summary(&self) -> &str {
+        "figures of each tracker over frames and over sequences"
+    }
+
+    fn write(&self, results: &Results, _: &About, out: &mut dyn Write) -> io::Result<()> {
+        summary(out, &results.metrics, &results.summary)
+    }
+}
+
+/// `curves.csv`: a row per point of each curve.
+pub(super) struct CurvesCsv;
+
+impl Exporter for CurvesCsv {
+    fn file(&self) -> &str {
+        "curves.csv"
+    }
+
+    fn summary(&self) -> &str {
+        "success curves of each metric"
+    }
+
+    fn write(&self, results: &Results, about: &About, out: &mut dyn Write) -> io::Result<()> {
+        curves(out, results, about.sequence_curves)
+    }
+}
+
+fn sequences(out: &mut dyn Write, results: &Results) -> io::Result<()> {
     let header = TRACKER
         .into_iter()
         .chain(["dataset", "sequence", "start", "protocol", "status"]);
@@ -69,12 +122,17 @@ pub(super) fn sequences(out: &mut dyn Write, results: &Results) -> io::Result<()
         let cells = tracker_cells(&r.tracker).chain(what).chain(score_cells(&r.score));
         cells.chain([r.status.reason().to_owned()]).collect()
     });
-    write_rows(out, header.chain(Score::COLUMNS).chain(["reason"]), rows)
+    write_rows(
+        out,
+        header.chain(score_columns(&results.metrics)).chain(["reason"]),
+        rows,
+    )
 }
 
-/// `summary.csv`: a row per tracker and average.
+/// The rows of `summary.csv` for some trackers.
 pub(super) fn summary<'a>(
     out: &mut dyn Write,
+    metrics: &MetricSet,
     rows: impl IntoIterator<Item = &'a SummaryRow>,
 ) -> io::Result<()> {
     let header = TRACKER.into_iter().chain([
@@ -86,7 +144,7 @@ pub(super) fn summary<'a>(
         "failed_runs",
     ]);
     let rows = rows.into_iter().map(|r| {
-        let what = [r.average.name(), r.metric.name(), &r.protocol].map(str::to_owned);
+        let what = [r.average.name(), r.metric.name, &r.protocol].map(str::to_owned);
         let counts = [r.sequences, r.runs, r.failed_runs].map(|n| n.to_string());
         tracker_cells(&r.tracker)
             .chain(what)
@@ -94,11 +152,10 @@ pub(super) fn summary<'a>(
             .chain(score_cells(&r.score))
             .collect()
     });
-    write_rows(out, header.chain(Score::COLUMNS), rows)
+    write_rows(out, header.chain(score_columns(metrics)), rows)
 }
 
-/// `curves.csv`: a row per point of each curve.
-pub(super) fn curves(out: &mut dyn Write, results: &Results, of_sequences: bool) -> io::Result<()> {
+fn curves(out: &mut dyn Write, results: &Results, of_sequences: bool) -> io::Result<()> {
     let header = [
         "tracker",
         "dataset",
@@ -111,7 +168,7 @@ pub(super) fn curves(out: &mut dyn Write, results: &Results, of_sequences: bool)
     let curves = results.curves.iter().filter(|c| of_sequences || c.is_pooled());
     let rows = curves.flat_map(|c| {
         c.success_rate.iter().enumerate().map(move |(k, rate)| {
-            let (t, metric) = (threshold(c.metric, k), c.metric.name());
+            let (t, metric) = (c.metric.threshold(k), c.metric.name);
             [
                 c.tracker.id.as_str(),
                 &c.dataset,
@@ -126,4 +183,45 @@ pub(super) fn curves(out: &mut dyn Write, results: &Results, of_sequences: bool)
         })
     });
     write_rows(out, header, rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metric::aggregate::example;
+
+    #[test]
+    fn csv_files() {
+        let results = example::results();
+        let text = |exporter: &dyn Exporter| {
+            let mut bytes = Vec::new();
+            exporter.write(&results, &About::default(), &mut bytes).unwrap();
+            String::from_utf8(bytes).unwrap()
+        };
+        insta::assert_snapshot!(text(&SummaryCsv), @"
+        tracker,sm,am,ssm,ilm,average,metric,protocol,sequences,runs,failed_runs,frames,sr_1,sr_2,sr_5,sr_10,sr_20,auc,sr_area,al_mean,al_median,al_tracked,mcd_mean,mcd_median,cl_mean,cl_median,jaccard_mean,jaccard_median,grid_mean,grid_median,failures,frames_per_failure
+        esm/ssd/homography,esm,ssd,homography,,pooled,al,ope,2,2,0,6,0.833333,0.833333,1.000000,1.000000,1.000000,0.963333,18.501684,0.808333,0.175000,0.808333,0.808333,0.175000,0.808333,0.175000,0.015643,0.003493,,,0,
+        esm/ssd/homography,esm,ssd,homography,,seq_mean,al,ope,2,2,0,6,0.875000,0.875000,1.000000,1.000000,1.000000,0.972500,18.623738,0.618750,0.212500,0.618750,0.618750,0.212500,0.618750,0.212500,0.011982,0.004234,,,0,
+        iclk/ssd/affine,iclk,ssd,affine,,pooled,al,ope,2,2,0,6,0.333333,0.500000,0.666667,0.666667,0.666667,0.633333,12.323232,7.400000,2.000000,1.100000,7.400000,2.000000,7.400000,2.000000,0.257976,0.039168,,,2,
+        iclk/ssd/affine,iclk,ssd,affine,,seq_mean,al,ope,2,2,0,6,0.500000,0.625000,0.750000,0.750000,0.750000,0.723750,13.989899,5.600000,8.225000,1.100000,5.600000,8.225000,5.600000,8.225000,0.194480,0.129575,,,2,
+        nn/mi/affine,nn,mi,affine,,pooled,al,ope,1,1,1,2,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,20.000000,inf,,20.000000,inf,20.000000,inf,1.000000,1.000000,,,2,
+        nn/mi/affine,nn,mi,affine,,seq_mean,al,ope,1,1,1,2,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,20.000000,inf,,20.000000,inf,20.000000,inf,1.000000,1.000000,,,2,
+        ");
+        insta::assert_snapshot!(text(&SequencesCsv), @"
+        tracker,sm,am,ssm,ilm,dataset,sequence,start,protocol,status,frames,sr_1,sr_2,sr_5,sr_10,sr_20,auc,sr_area,al_mean,al_median,al_tracked,mcd_mean,mcd_median,cl_mean,cl_median,jaccard_mean,jaccard_median,grid_mean,grid_median,failures,frames_per_failure,reason
+        esm/ssd/homography,esm,ssd,homography,,builtin,book,0,ope,ok,2,1.000000,1.000000,1.000000,1.000000,1.000000,1.000000,18.989899,0.050000,0.050000,0.050000,0.050000,0.050000,0.050000,0.050000,0.000999,0.000999,,,0,,
+        esm/ssd/homography,esm,ssd,homography,,builtin,wall,0,ope,ok,4,0.750000,0.750000,1.000000,1.000000,1.000000,0.945000,18.257576,1.187500,0.375000,1.187500,1.187500,0.375000,1.187500,0.375000,0.022965,0.007469,,,0,,
+        iclk/ssd/affine,iclk,ssd,affine,,builtin,book,0,ope,ok,2,1.000000,1.000000,1.000000,1.000000,1.000000,0.995000,18.989899,0.200000,0.200000,0.200000,0.200000,0.200000,0.200000,0.200000,0.003990,0.003990,,,0,,
+        iclk/ssd/affine,iclk,ssd,affine,,builtin,wall,0,ope,ok,4,0.000000,0.250000,0.500000,0.500000,0.500000,0.452500,8.989899,11.000000,16.250000,2.000000,11.000000,16.250000,11.000000,16.250000,0.384969,0.255159,,,2,,
+        nn/mi/affine,nn,mi,affine,,builtin,wall,0,ope,failed,2,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,20.000000,inf,,20.000000,inf,20.000000,inf,1.000000,1.000000,,,2,,panicked at frame 1
+        ");
+        let curves = text(&CurvesCsv);
+        assert_eq!(curves.lines().count(), 1 + 101 * (3 * 4 + 5));
+        insta::assert_snapshot!(curves.lines().take(4).collect::<Vec<_>>().join("\n"), @"
+        tracker,dataset,sequence,metric,threshold,success_rate,protocol
+        esm/ssd/homography,all,pooled,al,0.00,0.333333,ope
+        esm/ssd/homography,all,pooled,al,0.20,0.500000,ope
+        esm/ssd/homography,all,pooled,al,0.40,0.666667,ope
+        ");
+    }
 }

@@ -1,77 +1,82 @@
 //! The regression gate's findings as JUnit XML, which every CI service shows: a test suite per tracker, a test case per
 //! sequence and for the pooled figures.
 
-use super::OutputError;
-use crate::judge::baseline::{Baseline, Key};
-use crate::judge::gate::{Change, Comparison, Tolerances};
+use super::ReportError;
+use crate::judge::baseline::Baseline;
+use crate::judge::change::Subject;
+use crate::judge::gate::{Finding, Findings};
+use crate::judge::tolerances::Tolerances;
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The report on a comparison with `baseline`. A figure that dropped or a run that failed is a failure; what is missing or
+/// The report on a run against `baseline`. A figure that dropped or a run that failed is a failure; what is missing or
 /// not comparable is an error; what is over other frames or not in the baseline is skipped.
 ///
 /// # Errors
 /// The XML cannot be written.
 pub fn junit(
     baseline: &Baseline,
-    comparison: &Comparison,
+    findings: &Findings,
     tolerances: &Tolerances,
-) -> Result<String, OutputError> {
-    let mut drops: BTreeMap<&Key, Vec<&Change>> = BTreeMap::new();
-    for drop in &comparison.drops {
-        drops.entry(&drop.key).or_default().push(drop);
+) -> Result<String, ReportError> {
+    let mut drops: BTreeMap<&Subject, Vec<&Finding>> = BTreeMap::new();
+    for drop in &findings.drops {
+        drops.entry(&drop.subject).or_default().push(drop);
     }
-    let missing: BTreeSet<&Key> = comparison.missing.iter().collect();
-    let failed: BTreeSet<&Key> = comparison.failed.iter().collect();
-    let unjudged: BTreeSet<&Key> = comparison.unjudged.iter().map(|c| &c.key).collect();
-    let status = |key: &Key| {
-        if missing.contains(key) {
+    let missing: BTreeSet<&Subject> = findings.missing.iter().collect();
+    let failed: BTreeSet<&Subject> = findings.failed.iter().collect();
+    let unjudged: BTreeSet<&Subject> = findings.unjudged.iter().map(|f| &f.subject).collect();
+    let status = |subject: &Subject| {
+        if missing.contains(subject) {
             problem(NonSuccessKind::Error, "missing", "not in the run".to_owned())
-        } else if failed.contains(key) {
+        } else if failed.contains(subject) {
             problem(NonSuccessKind::Failure, "failed", "the run failed".to_owned())
-        } else if let Some(drops) = drops.get(key) {
-            let line = |c: &&Change| {
+        } else if let Some(drops) = drops.get(subject) {
+            let line = |f: &&Finding| {
                 format!(
                     "{} {:.4} -> {:.4} (tolerance {})",
-                    c.figure.name(),
-                    c.baseline,
-                    c.now,
-                    tolerances.of(&c.key, c.figure)
+                    f.change.figure,
+                    f.change.before,
+                    f.change.after,
+                    tolerances.at(&f.subject, &f.change.figure)
                 )
             };
             let lines: Vec<String> = drops.iter().map(line).collect();
             problem(NonSuccessKind::Failure, "drop", lines.join("; "))
-        } else if unjudged.contains(key) {
+        } else if unjudged.contains(subject) {
             skipped("over other frames than the baseline")
         } else {
             TestCaseStatus::success()
         }
     };
-    let lines = baseline.figures.iter().map(|line| (&line.key, status(&line.key)));
-    let added = comparison
+    let lines = baseline
+        .lines
+        .iter()
+        .map(|line| (&line.subject, status(&line.subject)));
+    let added = findings
         .added
         .iter()
-        .map(|key| (key, skipped("not in the baseline")));
+        .map(|subject| (subject, skipped("not in the baseline")));
     let mut suites: BTreeMap<&str, TestSuite> = BTreeMap::new();
-    for (key, status) in lines.chain(added) {
-        let mut case = TestCase::new(key.place(), status);
-        case.set_classname(key.tracker.clone());
+    for (subject, status) in lines.chain(added) {
+        let mut case = TestCase::new(subject.place(), status);
+        case.set_classname(subject.tracker.clone());
         let suite = suites
-            .entry(&key.tracker)
-            .or_insert_with(|| TestSuite::new(key.tracker.clone()));
+            .entry(&subject.tracker)
+            .or_insert_with(|| TestSuite::new(subject.tracker.clone()));
         suite.add_test_case(case);
     }
     let mut report = Report::new("mtf-eval check");
-    if !comparison.not_comparable.is_empty() {
+    if !findings.not_comparable.is_empty() {
         let mut suite = TestSuite::new("comparison");
-        suite.add_test_cases(comparison.not_comparable.iter().map(|reason| {
+        suite.add_test_cases(findings.not_comparable.iter().map(|reason| {
             let status = problem(NonSuccessKind::Error, "not comparable", reason.clone());
             TestCase::new("comparable", status)
         }));
         report.add_test_suite(suite);
     }
     report.add_test_suites(suites.into_values());
-    report.to_string().map_err(|e| OutputError::Report(e.to_string()))
+    report.to_string().map_err(|e| ReportError::Junit(e.to_string()))
 }
 
 fn problem(kind: NonSuccessKind, what: &str, message: String) -> TestCaseStatus {
@@ -89,18 +94,20 @@ fn skipped(why: &str) -> TestCaseStatus {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metric::aggregate::{aggregate, example};
+    use crate::judge::gate::gate;
+    use crate::metric::MetricSet;
+    use crate::metric::aggregate::example;
 
     #[test]
     fn report() {
         let units = example::units();
-        let baseline = |units: &[_]| Baseline::new(&aggregate(units), Vec::new());
-        let tolerances = Tolerances::default();
+        let baseline = |units: &[_]| Baseline::new(&example::of(units), Vec::new());
+        let tolerances = Tolerances::of(&MetricSet::builtin());
         let mut now = units.clone();
         now[3] = example::unit("esm/ssd/homography", "book", &[Some(0.0), Some(9.0)]);
         now.remove(0);
         let then = baseline(&units);
-        let xml = junit(&then, &then.compare(&baseline(&now), &tolerances), &tolerances).unwrap();
+        let xml = junit(&then, &gate(&then, &baseline(&now), &tolerances), &tolerances).unwrap();
         assert!(
             xml.contains(r#"tests="8" skipped="1" failures="2" errors="1""#),
             "{xml}"
@@ -116,10 +123,10 @@ mod tests {
         }
         // Of another experiment.
         let mut other = baseline(&units);
-        for line in &mut other.figures {
-            line.key.protocol = "reinit".to_owned();
+        for line in &mut other.lines {
+            line.subject.protocol = "reinit".to_owned();
         }
-        let xml = junit(&then, &then.compare(&other, &tolerances), &tolerances).unwrap();
+        let xml = junit(&then, &gate(&then, &other, &tolerances), &tolerances).unwrap();
         assert!(xml.contains(r#"<testsuite name="comparison""#), "{xml}");
     }
 }

@@ -1,13 +1,14 @@
 //! `success.svg`: success rate against the alignment error threshold, for the best trackers.
 
-use super::OutputError;
 use super::table::short;
-use crate::metric::aggregate::Results;
-use crate::metric::error::Metric;
-use crate::metric::score::{LOST_PX, threshold};
+use super::{About, Exporter, ReportError};
+use crate::metric::Results;
+use crate::metric::aggregate::CurveRow;
+use crate::metric::al::LOST_PX;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use std::io::{self, Write};
 
 /// Trackers drawn, at most.
 const SHOWN: usize = 10;
@@ -68,28 +69,46 @@ pub(super) fn shorten(id: &str, length: usize) -> String {
 /// A picture of a size in CSS pixels. `draw` works in units of `1 / SCALE` of them.
 ///
 /// # Errors
-/// [`OutputError::Plot`] when the drawing backend refuses.
+/// [`ReportError::Plot`] when the drawing backend refuses.
 pub(super) fn picture(
     width: u32,
     height: u32,
     draw: impl FnOnce(&Area) -> Result<(), Box<dyn std::error::Error>>,
-) -> Result<String, OutputError> {
+) -> Result<String, ReportError> {
     let mut svg = String::new();
     {
         let root = SVGBackend::with_string(&mut svg, (width * SCALE, height * SCALE)).into_drawing_area();
-        draw(&root).map_err(|e| OutputError::Plot(e.to_string()))?;
-        root.present().map_err(|e| OutputError::Plot(e.to_string()))?;
+        draw(&root).map_err(|e| ReportError::Plot(e.to_string()))?;
+        root.present().map_err(|e| ReportError::Plot(e.to_string()))?;
     }
     // The view box keeps the fine units; the picture itself has the size in CSS pixels.
     let fine = format!("width=\"{}\" height=\"{}\"", width * SCALE, height * SCALE);
     Ok(svg.replacen(&fine, &format!("width=\"{width}\" height=\"{height}\""), 1))
 }
 
+/// `success.svg`: the success plot.
+pub(super) struct SuccessSvg;
+
+impl Exporter for SuccessSvg {
+    fn file(&self) -> &str {
+        "success.svg"
+    }
+
+    fn summary(&self) -> &str {
+        "success plot of the ten best trackers"
+    }
+
+    fn write(&self, results: &Results, about: &About, out: &mut dyn Write) -> io::Result<()> {
+        let svg = success_svg(results, &about.title).map_err(io::Error::other)?;
+        out.write_all(svg.as_bytes())
+    }
+}
+
 /// Draws the pooled success curves of the ten trackers with the largest `auc`, which the legend gives.
 ///
 /// # Errors
-/// [`OutputError::Plot`] when the drawing backend refuses.
-pub fn success_svg(results: &Results, title: &str) -> Result<String, OutputError> {
+/// [`ReportError::Plot`] when the drawing backend refuses.
+pub fn success_svg(results: &Results, title: &str) -> Result<String, ReportError> {
     let (width, height) = (PLOT_WIDTH + LEGEND_WIDTH, HEIGHT);
     let mut svg = picture(width, height, |root| draw(root, results, title))?;
     // The backend has no dashes or joins: give them to the strokes of each rank.
@@ -153,10 +172,11 @@ fn draw(root: &Area, results: &Results, title: &str) -> Result<(), Box<dyn std::
         .y_desc("success rate (fraction of frames)")
         .draw()?;
 
+    let primary = results.metrics.primary();
     let ranking = results.ranking();
     let drawn = ranking.iter().filter_map(|row| {
-        let same = |c: &&crate::metric::aggregate::CurveRow| {
-            c.is_pooled() && c.metric == Metric::Al && c.tracker == row.tracker && c.protocol == row.protocol
+        let same = |c: &&CurveRow| {
+            c.is_pooled() && c.metric == *primary && c.tracker == row.tracker && c.protocol == row.protocol
         };
         results
             .curves
@@ -171,7 +191,7 @@ fn draw(root: &Area, results: &Results, title: &str) -> Result<(), Box<dyn std::
             .success_rate
             .iter()
             .enumerate()
-            .map(|(k, &rate)| (threshold(Metric::Al, k), rate));
+            .map(|(k, &rate)| (primary.threshold(k), rate));
         chart.draw_series(LineSeries::new(points, line(rank)))?;
     }
 
@@ -194,7 +214,7 @@ fn draw(root: &Area, results: &Results, title: &str) -> Result<(), Box<dyn std::
         y += 30 * s;
         right.draw(&PathElement::new([(4 * s, y), (42 * s, y)], line(rank)))?;
         right.draw_text(&shorten(&name, LABEL), &label, (label_left, y))?;
-        right.draw_text(&short(row.score.auc, 3), &number, (auc_right, y))?;
+        right.draw_text(&short(row.score["auc"], 3), &number, (auc_right, y))?;
     }
     if ranking.len() > drawn.len() {
         let more = format!("{} more in summary.csv", ranking.len() - drawn.len());
@@ -210,11 +230,11 @@ fn draw(root: &Area, results: &Results, title: &str) -> Result<(), Box<dyn std::
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metric::aggregate::{aggregate, example};
+    use crate::metric::aggregate::example;
 
     #[test]
     fn names_trackers_axes_and_title() {
-        let svg = success_svg(&aggregate(&example::units()), "builtin, ope & more").unwrap();
+        let svg = success_svg(&example::of(&example::units()), "builtin, ope & more").unwrap();
         for text in [
             "esm/ssd/homography",
             "nn/mi/affine",
@@ -242,7 +262,7 @@ mod tests {
                 )
             })
             .collect();
-        let svg = success_svg(&aggregate(&units), "").unwrap();
+        let svg = success_svg(&example::of(&units), "").unwrap();
         assert!(svg.contains("seed=09") && !svg.contains("seed=10") && svg.contains("4 more"));
     }
 

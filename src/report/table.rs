@@ -1,8 +1,9 @@
 //! What goes to standard output: aligned tables, Markdown, CSV and JSON.
 
-use super::{csv, json};
-use crate::metric::aggregate::{Results, SummaryRow, ascending, descending};
-use crate::metric::score::Score;
+use super::csv;
+use crate::metric::MetricSet;
+use crate::metric::aggregate::{Results, SummaryRow};
+use crate::store::summary;
 use comfy_table::{CellAlignment, Table as Grid, presets};
 use mtf::registry::{hint, suggest};
 
@@ -25,7 +26,7 @@ pub enum Format {
 pub struct TableOptions {
     /// Form.
     pub format: Format,
-    /// One of [`SORT_KEYS`]; best first. Anything else sorts as `auc` (see [`parse_sort`]).
+    /// One of [`sort_keys`]; best first. Anything else sorts as `auc` (see [`parse_sort`]).
     pub sort: String,
     /// Trackers in `Table` and `Md`, 0 for all; `Csv` and `Json` are for machines and always complete.
     pub top: usize,
@@ -45,42 +46,35 @@ impl Default for TableOptions {
 }
 
 /// What [`TableOptions::sort`] accepts: the tracker's id or any figure.
-pub const SORT_KEYS: [&str; Score::COLUMNS.len() + 1] = {
-    let mut keys = ["tracker"; Score::COLUMNS.len() + 1];
-    let mut i = 0;
-    while i < Score::COLUMNS.len() {
-        keys[i + 1] = Score::COLUMNS[i];
-        i += 1;
-    }
-    keys
-};
+pub fn sort_keys(metrics: &MetricSet) -> impl Iterator<Item = &str> {
+    ["tracker"]
+        .into_iter()
+        .chain(metrics.figures().iter().map(|f| f.name.as_str()))
+}
 
-/// Checks a sort key; for use as a command line value parser.
+/// Checks a sort key.
 ///
 /// # Errors
 /// A message with the nearest valid key.
-pub fn parse_sort(key: &str) -> Result<String, String> {
+pub fn parse_sort(metrics: &MetricSet, key: &str) -> Result<String, String> {
     let key = key.to_ascii_lowercase();
-    if SORT_KEYS.contains(&key.as_str()) {
+    if sort_keys(metrics).any(|k| k == key) {
         return Ok(key);
     }
-    let hint = hint(suggest(&key, SORT_KEYS.iter().copied()).as_deref());
+    let hint = hint(suggest(&key, sort_keys(metrics)).as_deref());
     Err(format!(
         "no column '{key}'{hint} (one of {})",
-        SORT_KEYS.join(", ")
+        sort_keys(metrics).collect::<Vec<_>>().join(", ")
     ))
 }
 
 /// Pooled rows, best first by `key`; ties by id.
 fn ranked<'a>(results: &'a Results, key: &str) -> Vec<&'a SummaryRow> {
     let mut rows = results.ranking();
-    let figure = |r: &SummaryRow| r.score.get(key).unwrap_or(f64::NAN);
-    let larger_is_better = key.starts_with("sr_") || key == "auc" || key.starts_with("frames");
-    match key {
-        "tracker" => rows.sort_by(|a, b| a.tracker.cmp(&b.tracker)),
-        _ if larger_is_better => rows.sort_by(|a, b| descending(figure(a), figure(b))),
-        _ if SORT_KEYS.contains(&key) => rows.sort_by(|a, b| ascending(figure(a), figure(b))),
-        _ => {}
+    match results.metrics.figure(key) {
+        _ if key == "tracker" => rows.sort_by(|a, b| a.tracker.cmp(&b.tracker)),
+        Some(figure) => rows.sort_by(|a, b| figure.better.order(a.score[key], b.score[key])),
+        None => {}
     }
     rows
 }
@@ -91,7 +85,7 @@ pub fn table(results: &Results, options: &TableOptions) -> String {
     match options.format {
         Format::Json => {
             let order: Vec<_> = rows.iter().map(|r| &r.tracker).collect();
-            json::summary_json(results, &order) + "\n"
+            summary::document(results, &order) + "\n"
         }
         Format::Csv => {
             let both = rows.iter().flat_map(|p| {
@@ -100,7 +94,7 @@ pub fn table(results: &Results, options: &TableOptions) -> String {
             });
             let mut bytes = Vec::new();
             // Writing to memory cannot fail.
-            let _ = csv::summary(&mut bytes, both);
+            let _ = csv::summary(&mut bytes, &results.metrics, both);
             String::from_utf8(bytes).unwrap_or_default()
         }
         Format::Table | Format::Md => people(results, &rows, options),
@@ -127,7 +121,9 @@ fn people(results: &Results, rows: &[&SummaryRow], options: &TableOptions) -> St
         "failures",
         "frames",
     ];
-    let restarted = rows[..shown].iter().any(|r| !r.score.frames_per_failure.is_nan());
+    let restarted = rows[..shown]
+        .iter()
+        .any(|r| !r.score["frames_per_failure"].is_nan());
     if restarted {
         header.push("frames/failure");
     }
@@ -140,14 +136,15 @@ fn people(results: &Results, rows: &[&SummaryRow], options: &TableOptions) -> St
     let cells = rows[..shown].iter().map(|r| {
         let s = &r.score;
         let mut row = vec![r.tracker.id.clone()];
-        row.extend([s.sr_1, s.sr_2, s.sr_5, s.sr_10, s.sr_20, s.auc].map(|v| short(v, 3)));
+        let rates = ["sr_1", "sr_2", "sr_5", "sr_10", "sr_20", "auc"];
+        row.extend(rates.map(|name| short(s[name], 3)));
         row.extend([
-            short(s.al_median, 2),
-            s.failures.to_string(),
-            s.frames.to_string(),
+            short(s["al_median"], 2),
+            s.failures().to_string(),
+            s.frames().to_string(),
         ]);
         if restarted {
-            row.push(short(s.frames_per_failure, 1));
+            row.push(short(s["frames_per_failure"], 1));
         }
         if protocols {
             row.push(r.protocol.clone());
@@ -257,10 +254,10 @@ pub fn render(header: &[&str], rows: &[Vec<String>], format: Format, colour: boo
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metric::aggregate::{aggregate, example};
+    use crate::metric::aggregate::example;
 
     fn print(options: TableOptions) -> String {
-        table(&aggregate(&example::units()), &options)
+        table(&example::results(), &options)
     }
 
     #[test]
@@ -317,9 +314,10 @@ mod tests {
 
     #[test]
     fn sort_keys() {
-        assert_eq!(parse_sort("SR_5").unwrap(), "sr_5");
-        assert!(parse_sort("sr5").unwrap_err().contains("did you mean 'sr_5'"));
-        let results = aggregate(&example::units());
+        let parse = |key: &str| parse_sort(&MetricSet::builtin(), key);
+        assert_eq!(parse("SR_5").unwrap(), "sr_5");
+        assert!(parse("sr5").unwrap_err().contains("did you mean 'sr_5'"));
+        let results = example::results();
         let first = |key: &str| ranked(&results, key)[0].tracker.sm.clone();
         assert_eq!(
             (first("failures"), first("frames"), first("tracker")),

@@ -4,6 +4,7 @@
 //! and `F` frames takes `U i + (F - U) u` of one core.
 
 use crate::plan::{FrameLogs, PlanError, Protocol, RunRequestBuilder, UnitKeys, spread};
+use crate::report::Exporters;
 use crate::run::error::RunError;
 use crate::run::observer::Silent;
 use crate::run::runner::run;
@@ -67,7 +68,7 @@ pub fn measure(request: &RunRequestBuilder, count: usize) -> Result<Cost, RunErr
             .frame_logs(FrameLogs::None)
             .build()?;
         let plan = one.plan()?;
-        let report = run(&one, &Silent, &AtomicBool::new(false))?;
+        let report = run(&one, &Exporters::builtin(), &Silent, &AtomicBool::new(false))?;
         if !report.failed.is_empty() {
             continue;
         }

@@ -1,8 +1,7 @@
 //! Why a run did not get to its end.
 
 use crate::plan::PlanError;
-use crate::report::OutputError;
-use crate::store::StoreError;
+use crate::store::{FileError, StoreError};
 
 /// Why a run could not be made, or did not get to its end.
 #[derive(Debug, thiserror::Error)]
@@ -25,16 +24,14 @@ pub enum RunError {
     /// Worker threads cannot be started.
     #[error("cannot start worker threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
-    /// The result files cannot be made.
-    #[error(transparent)]
-    Output(OutputError),
 }
 
-impl From<OutputError> for RunError {
-    fn from(error: OutputError) -> RunError {
-        match error {
-            OutputError::Io { path, source } => StoreError::io(&path, source).into(),
-            other => RunError::Output(other),
-        }
+impl From<FileError> for RunError {
+    fn from(error: FileError) -> RunError {
+        let error = match error {
+            FileError::Io { path, source } => StoreError::io(&path, source),
+            FileError::Format { path, reason } => StoreError::Damaged { path, reason },
+        };
+        RunError::Store(error)
     }
 }

@@ -5,9 +5,9 @@
 
 use crate::measure::machine::cpu_name;
 use crate::metric::aggregate::{Results, UnitResult, UnitStatus, aggregate_tracker};
-use crate::metric::error::FrameError;
+use crate::metric::{Errors, MetricSet};
 use crate::plan::{FrameLogs, Plan, Unit, UnitKey, UnitKeys};
-use crate::report::{self, Meta};
+use crate::report::{About, Exporters};
 use crate::run::error::RunError;
 use crate::store::Durable;
 use crate::store::StoreError;
@@ -15,7 +15,7 @@ use crate::store::framelog::{parse_log, score_log, unpack_log};
 use crate::store::host::host_name;
 use crate::store::journal::{Entry, EntryStatus, Journal, UnitTime};
 use crate::store::rundir::{RunDir, digest};
-use crate::store::truth::{self, Truth};
+use crate::store::truth::{self, KeptTruth};
 use rayon::prelude::*;
 use serde_json::{Map, Value};
 use std::collections::BTreeSet;
@@ -30,7 +30,9 @@ pub(crate) struct ResultSource<'a> {
     pub dir: &'a RunDir,
     pub plan: &'a Plan,
     pub keys: &'a UnitKeys,
-    pub truth: &'a [Truth],
+    pub metrics: &'a MetricSet,
+    pub exporters: &'a Exporters,
+    pub truth: &'a [KeptTruth],
     pub journal: &'a Journal,
 }
 
@@ -54,22 +56,23 @@ impl ResultSource<'_> {
                     }
                     loaded.push((unit, result));
                 }
-                let mut results = Results::default();
+                let mut results = Results::new(self.metrics);
                 for (index, protocol) in self.plan.protocol.iter().enumerate() {
                     let mut own = Vec::new();
                     for (unit, result) in &mut loaded {
                         if self.plan.belongs(unit, index) {
                             result.protocol = protocol.to_string();
+                            result.restarted = protocol.restarts_on_failure();
                             own.push(&*result);
                         }
                     }
-                    results.extend(aggregate_tracker(&own));
+                    results.extend(aggregate_tracker(self.metrics, &own));
                 }
                 Ok((times, failed, results))
             };
             trackers.par_iter().map(load).collect::<Result<_, _>>()
         })?;
-        let mut results = Results::default();
+        let mut results = Results::new(self.metrics);
         let (mut times, mut failed) = (Vec::new(), Vec::new());
         for (part_times, part_failed, part) in parts {
             times.extend(part_times);
@@ -77,11 +80,11 @@ impl ResultSource<'_> {
             results.extend(part);
         }
         write_timing(self.dir, self.plan, &times)?;
-        let meta = Meta {
+        let about = About {
             sequence_curves: units.len() <= CURVE_UNITS,
-            ..Meta::default()
+            ..About::default()
         };
-        report::write_results(self.dir.path(), &results, &meta)?;
+        self.exporters.write(self.dir.path(), &results, &about)?;
         Ok((results, failed))
     }
 
@@ -97,23 +100,20 @@ impl ResultSource<'_> {
             .get(&self.keys.of(unit))?
             .ok_or_else(|| damaged(journal(), format!("no line for {}", self.plan.describe(unit))))?;
         let start = unit.start as usize;
-        let (errors, grid) = match (&entry.status, &entry.log, entry.errors.take()) {
-            (EntryStatus::Failed, ..) => (
-                vec![None; truth.scored(start)],
-                vec![f64::INFINITY; truth.dense(start)],
-            ),
+        let errors = match (&entry.status, &entry.log, entry.errors.take()) {
+            (EntryStatus::Failed, ..) => Errors::lost(self.metrics, truth.scored(start), truth.dense(start)),
             (_, Some(_), _) => {
                 let path = self.dir.log(self.plan, unit);
                 let bytes = fs::read(&path).map_err(|e| StoreError::io(&path, e))?;
                 let log = unpack_log(bytes)
-                    .and_then(|text| parse_log(&text))
+                    .and_then(|text| parse_log(self.metrics, &text))
                     .map_err(|reason| damaged(path, reason))?;
-                (score_log(log.start, log.outcomes, |i| truth.at(i)), log.grid)
+                let dense = log.dense.iter().map(|values| &**values);
+                score_log(self.metrics, log.start, log.outcomes, dense, |i| truth.at(i))
             }
             (_, None, Some(errors)) => {
-                let error = |[al, mcd, cl, jaccard]: [f64; 4]| FrameError { al, mcd, cl, jaccard };
-                let grid = entry.grid.iter().map(|e| e.unwrap_or(f64::INFINITY));
-                (errors.into_iter().map(|e| e.map(error)).collect(), grid.collect())
+                let errors = Errors::from_rows(self.metrics, &errors, &entry.grid);
+                errors.ok_or_else(|| damaged(journal(), "errors of other metrics".into()))?
             }
             (_, None, None) => return Err(damaged(journal(), "a line has neither log nor errors".into())),
         };
@@ -127,9 +127,9 @@ impl ResultSource<'_> {
             sequence: sequence.sequence.clone(),
             start,
             protocol: self.plan.course(unit).to_string(),
+            restarted: self.plan.course(unit).restarts_on_failure(),
             status,
             errors,
-            grid,
         };
         Ok((entry, result))
     }
@@ -167,7 +167,7 @@ pub(crate) fn describe(
     dir: &RunDir,
     plan: &Plan,
     units: &[Unit],
-    truth: &[Truth],
+    truth: &[KeptTruth],
     host: &Map<String, Value>,
 ) -> Result<(), StoreError> {
     let path = dir.path().join("run.json");

@@ -3,7 +3,9 @@
 //! Every directory records the whole plan. They must agree about it; each unit of the plan must have ended in one of
 //! them, with a frame log that is what the journal says, and must not have ended differently in another.
 
+use crate::metric::MetricSet;
 use crate::plan::{Cut, Plan, PlanError, Shard, Sharding, Unit, UnitKeys};
+use crate::report::Exporters;
 use crate::run::error::RunError;
 use crate::run::finish::{self, ResultSource, is_done};
 use crate::run::observer::Observer;
@@ -29,6 +31,10 @@ pub struct MergeRequest {
     pub out: PathBuf,
     /// Discard what it holds.
     pub force: bool,
+    /// The metrics; those that the shards were run with.
+    pub metrics: MetricSet,
+    /// What to write.
+    pub exporters: Exporters,
     /// Worker threads; 0 for one per core.
     pub threads: usize,
     /// What else `run.json` shall say about this very execution.
@@ -132,6 +138,13 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
     let Some((plan, first)) = first else {
         return Err(PlanError::Nothing("no run directory").into());
     };
+    if plan.metrics != request.metrics.added_names() {
+        return Err(StoreError::Mismatch {
+            path: first,
+            reason: "it was run with other metrics".into(),
+        }
+        .into());
+    }
     let keys = UnitKeys::new(&plan);
     let units: Vec<Unit> = plan.units().collect();
     let pool = pool(request.threads)?;
@@ -146,7 +159,8 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
     }
 
     let truth = truth::read(&first.join("truth.csv"), &plan.sequences)?;
-    let (mut dir, _) = RunDir::open(&request.out, request.force)?;
+    let files: Vec<&str> = request.exporters.files().collect();
+    let (mut dir, _) = RunDir::open(&request.out, request.force, &files)?;
     dir.lay_out(&plan);
     let mut host = finish::host(pool.current_num_threads());
     host.insert("merged".into(), request.parts.len().into());
@@ -180,6 +194,8 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
         dir: &dir,
         plan: &plan,
         keys: &keys,
+        metrics: &request.metrics,
+        exporters: &request.exporters,
         truth: &truth,
         journal: &journal,
     };

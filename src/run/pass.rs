@@ -1,7 +1,7 @@
 //! A unit on its way: one tracker from its start frame to the end of the sequence, started anew as its protocol says.
 
 use crate::dataset::Sequence;
-use crate::metric::error::{frame_error, grid_error};
+use crate::metric::MetricSet;
 use crate::panics;
 use crate::plan::{Protocol, Unit};
 use crate::store::framelog::{BROKEN, FAILED, INIT, Row, SKIPPED, round_corners};
@@ -30,6 +30,7 @@ pub(crate) struct Pass<'a> {
     pub seconds: Vec<f32>,
     pub input_seconds: f64,
     pub failed: Option<String>,
+    metrics: MetricSet,
     state: State,
     /// Frame of the last start.
     since: usize,
@@ -48,7 +49,12 @@ enum State {
 
 impl<'a> Pass<'a> {
     /// Before the first frame. A tracker that cannot be made fails the unit.
-    pub fn new(unit: &'a Unit, course: Protocol, made: Result<Box<dyn Tracker>, String>) -> Pass<'a> {
+    pub fn new(
+        unit: &'a Unit,
+        course: Protocol,
+        metrics: &MetricSet,
+        made: Result<Box<dyn Tracker>, String>,
+    ) -> Pass<'a> {
         let start = unit.start as usize;
         let (tracker, failed) = match made {
             Ok(tracker) => (Some(tracker), None),
@@ -62,6 +68,7 @@ impl<'a> Pass<'a> {
             init_seconds: 0.0,
             seconds: Vec::new(),
             input_seconds: 0.0,
+            metrics: metrics.clone(),
             state: if failed.is_some() {
                 State::Over
             } else {
@@ -175,7 +182,7 @@ impl<'a> Pass<'a> {
             let begin = Instant::now();
             let (mut row, answered) = update(tracker.as_mut(), &ready.frame);
             let seconds = begin.elapsed().as_secs_f64();
-            row.grid = dense_error(Some(tracker.as_ref()), sequence, self.since, i, row.corners);
+            row.dense = self.dense_errors(Some(tracker.as_ref()), sequence, i, row.corners);
             (row, answered, seconds)
         });
         self.tracker = Some(tracker);
@@ -186,7 +193,7 @@ impl<'a> Pass<'a> {
         });
         match (self.course, updated) {
             (Protocol::Reinit { threshold, skip }, updated) => {
-                let error = |row: &Row| Some(frame_error(&row.corners?, &truth?).al);
+                let error = |row: &Row| self.metrics.frame_errors(&row.corners?, &truth?).next();
                 match updated {
                     Ok((row, true))
                         if row.corners.is_some() && error(&row).is_none_or(|al| al <= threshold) =>
@@ -222,7 +229,7 @@ impl<'a> Pass<'a> {
         self.state = State::Starting(i + skip as usize);
         Row {
             status: FAILED,
-            grid: dense_error(None, sequence, self.since, i, None),
+            dense: self.dense_errors(None, sequence, i, None),
             ..row.unwrap_or(Row::without_tracker(FAILED))
         }
     }
@@ -231,11 +238,30 @@ impl<'a> Pass<'a> {
     fn idle(&self, sequence: &Sequence, i: usize) -> Row {
         match self.course {
             Protocol::Every(_) => Row {
-                grid: dense_error(None, sequence, self.since, i, None),
+                dense: self.dense_errors(None, sequence, i, None),
                 ..Row::without_tracker(BROKEN)
             },
             _ => Row::without_tracker(SKIPPED),
         }
+    }
+
+    /// Values of the dense metrics in frame `i`, where both it and the frame of the start have dense truth; without corners
+    /// those of no output. A tracker that does not say where its points are moves them as a plane.
+    fn dense_errors(
+        &self,
+        tracker: Option<&dyn Tracker>,
+        sequence: &Sequence,
+        i: usize,
+        corners: Option<Corners>,
+    ) -> Option<Box<[f64]>> {
+        let (first, truth) = (sequence.dense_truth(self.since)?, sequence.dense_truth(i)?);
+        let plane = || homography::from_corners(&sequence.truth(self.since)?, &corners?);
+        let places = plane().map(|plane| {
+            let told = |x: [f64; 2]| tracker.and_then(|t| t.place(x));
+            let place = |&x: &[f64; 2]| told(x).unwrap_or_else(|| homography::apply(&plane, x));
+            first.iter().map(place).collect::<Vec<_>>()
+        });
+        Some(self.metrics.dense_errors(places.as_deref(), truth))
     }
 
     fn discard(&mut self) {
@@ -271,24 +297,6 @@ fn initialise(
     Ok(round_corners(&tracker.corners()))
 }
 
-/// Error over the dense grid in frame `i`, where both it and the frame of the start have one; infinite without corners. A
-/// tracker that does not say where its points are moves them as a plane.
-fn dense_error(
-    tracker: Option<&dyn Tracker>,
-    sequence: &Sequence,
-    start: usize,
-    i: usize,
-    corners: Option<Corners>,
-) -> Option<f64> {
-    let (first, truth) = (sequence.dense_truth(start)?, sequence.dense_truth(i)?);
-    let plane = || homography::from_corners(&sequence.truth(start)?, &corners?);
-    Some(plane().map_or(f64::INFINITY, |plane| {
-        let told = |x: [f64; 2]| tracker.and_then(|t| t.place(x));
-        let place = |&x: &[f64; 2]| told(x).unwrap_or_else(|| homography::apply(&plane, x));
-        grid_error(first.iter().map(place), truth)
-    }))
-}
-
 /// The row of one update, and whether it succeeded.
 fn update(tracker: &mut dyn Tracker, frame: &Frame) -> (Row, bool) {
     match tracker.update(frame) {
@@ -305,7 +313,7 @@ fn update(tracker: &mut dyn Tracker, frame: &Frame) -> (Row, bool) {
                 status,
                 iterations: update.iterations,
                 similarity: update.similarity,
-                grid: None,
+                dense: None,
             };
             (row, true)
         }

@@ -1,7 +1,8 @@
 //! A run from request to result files: lock, plan, resume, track, aggregate.
 
-use crate::metric::aggregate::Results;
+use crate::metric::Results;
 use crate::plan::{RunRequest, Sharding, Unit, UnitKeys};
+use crate::report::Exporters;
 use crate::run::error::RunError;
 use crate::run::finish::{self, ResultSource};
 use crate::run::observer::Observer;
@@ -36,14 +37,19 @@ pub struct RunReport {
     pub profile: Option<Profile>,
 }
 
-/// Tracks everything in `request` that its directory does not hold yet and writes the result files.
+/// Tracks everything in `request` that its directory does not hold yet and writes the result files of `exporters`.
 ///
 /// `stop` may be set at any time (by a signal handler, say): the run then ends what is in progress, as far as the
 /// request's grace allows, and returns [`RunError::Interrupted`]; the same request goes on from there.
 ///
 /// # Errors
 /// See [`RunError`]. Failures of single trackers or sequences are no errors but part of the report.
-pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> Result<RunReport, RunError> {
+pub fn run(
+    request: &RunRequest,
+    exporters: &Exporters,
+    observer: &dyn Observer,
+    stop: &AtomicBool,
+) -> Result<RunReport, RunError> {
     let prepared = request.prepare()?;
     let plan = &prepared.plan;
     let keys = UnitKeys::new(plan);
@@ -59,7 +65,8 @@ pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> 
     units.shrink_to_fit();
     let pool = pool(request.threads)?;
     let threads = pool.current_num_threads();
-    let (mut dir, dead) = RunDir::open(&request.out, request.force)?;
+    let files: Vec<&str> = exporters.files().collect();
+    let (mut dir, dead) = RunDir::open(&request.out, request.force, &files)?;
     dir.lay_out(plan);
     if let Some(dead) = dead {
         observer.warn(&format!(
@@ -154,6 +161,8 @@ pub fn run(request: &RunRequest, observer: &dyn Observer, stop: &AtomicBool) -> 
         dir: &dir,
         plan,
         keys: &keys,
+        metrics: &request.metrics,
+        exporters,
         truth: &truth,
         journal: &journal,
     };

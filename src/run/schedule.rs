@@ -8,6 +8,7 @@
 //! pool, so nesting stays bounded.
 
 use crate::dataset::Sequence;
+use crate::metric::quantile;
 use crate::panics;
 use crate::plan::{FrameLogs, Prepared, RunRequest, Unit, UnitKeys};
 use crate::run::error::RunError;
@@ -172,7 +173,12 @@ fn prepare<'a>(context: &Context<'_>, unit: &'a Unit, unreadable: Option<&str>) 
         Some(reason) => Err(reason.to_string()),
         None => make(context, unit, unit.start),
     };
-    Pass::new(unit, context.prepared.plan.course(unit), made)
+    Pass::new(
+        unit,
+        context.prepared.plan.course(unit),
+        &context.request.metrics,
+        made,
+    )
 }
 
 /// Makes a tracker for the unit that is to start on `frame`. It does not depend on what the unit did before that.
@@ -375,9 +381,10 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
         },
     };
     let mut written = None;
-    let logs = context.request.frame_logs;
+    let (logs, metrics) = (context.request.frame_logs, &context.request.metrics);
     if ok && logs != FrameLogs::None {
-        let text = format_log(&rows, start, |i| sequence.frame_name(i).to_string(), truth);
+        let name = |i: usize| sequence.frame_name(i).to_string();
+        let text = format_log(metrics, &rows, start, name, truth);
         let bytes = pack_log(text, logs);
         entry.log = Some(digest(&bytes));
         // Synced in groups by the journal, before the line that vouches for it.
@@ -387,10 +394,9 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
         written = Some(path);
     } else {
         if ok {
-            let errors = score_log(start, rows.iter().map(Row::outcome), truth);
-            entry.errors = Some(errors.into_iter().map(|e| e.map(|e| e.values())).collect());
-            let finite = |e: f64| e.is_finite().then_some(e);
-            entry.grid = rows.iter().filter_map(|row| row.grid.map(finite)).collect();
+            let dense = rows.iter().filter_map(|row| row.dense.as_deref());
+            let errors = score_log(metrics, start, rows.iter().map(Row::outcome), dense, truth);
+            (entry.errors, entry.grid) = (Some(errors.rows()), errors.dense_rows());
         }
         if logs != FrameLogs::None {
             // A log of an earlier run with other settings would be taken for this unit's by readers.
@@ -405,10 +411,7 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
 fn unit_time(mut seconds: Vec<f32>, input_seconds: f64, threads: usize) -> UnitTime {
     let total: f64 = seconds.iter().map(|&s| f64::from(s)).sum();
     seconds.sort_by(f32::total_cmp);
-    let quantile = |q: f64| match seconds.len() {
-        0 => 0.0,
-        n => 1e3 * f64::from(seconds[((q * (n - 1) as f64).round() as usize).min(n - 1)]),
-    };
+    let quantile = |q: f64| quantile::nearest(&seconds, q).map_or(0.0, |s| 1e3 * f64::from(s));
     UnitTime {
         init_seconds: 0.0,
         seconds: total,

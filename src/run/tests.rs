@@ -2,8 +2,10 @@
 
 use super::*;
 use crate::dataset::{self, LoadOptions, Sequence};
+use crate::metric::MetricSet;
 use crate::metric::aggregate::TrackerName;
 use crate::plan::{FrameLogs, PlanError, Protocol, Protocols, RunRequest, TrackerEntry, Unit};
+use crate::report::Exporters;
 use crate::run::RunError;
 use crate::store::journal::{EntryStatus, Journal};
 use mtf::geom::Corners;
@@ -166,6 +168,7 @@ impl Bench {
             pre: Arc::new(Identity),
             protocol: Protocol::Ope.into(),
             seed: 7,
+            metrics: MetricSet::builtin(),
             threads_per_tracker: 1,
             shard: None,
             threads: 2,
@@ -182,7 +185,7 @@ impl Bench {
 }
 
 fn go(request: &RunRequest) -> Result<RunReport, RunError> {
-    run(request, &Silent, &AtomicBool::new(false))
+    run(request, &Exporters::builtin(), &Silent, &AtomicBool::new(false))
 }
 
 fn many(count: usize) -> Vec<TrackerEntry> {
@@ -430,7 +433,7 @@ fn an_interrupted_run_goes_on_where_it_stopped() {
         after: 4,
         stop: &stop,
     };
-    match run(&request, &observer, &stop) {
+    match run(&request, &Exporters::builtin(), &observer, &stop) {
         Err(RunError::Interrupted { done, total }) => assert!((4..12).contains(&done) && total == 12),
         other => panic!("{other:?}"),
     }

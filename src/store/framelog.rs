@@ -1,7 +1,7 @@
 //! Frame logs: the corners of every frame of a unit as CSV. Corners are all that scores are made of, so a log can be
 //! scored again at any time.
 
-use crate::metric::error::{FrameError, frame_error};
+use crate::metric::{Errors, MetricSet};
 use crate::plan::FrameLogs;
 use mtf::geom::Corners;
 use ruzstd::decoding::StreamingDecoder;
@@ -9,7 +9,7 @@ use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 use std::io::Read;
 
 /// One row of a frame log.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// Corners in image pixels, rounded by [`round_corners`]; `None` when the tracker gave none or non-finite ones.
     pub corners: Option<Corners>,
@@ -20,8 +20,8 @@ pub struct Row {
     pub iterations: u32,
     /// Similarity of the appearance model.
     pub similarity: f64,
-    /// Error over the dense grid, px; `None` on frames that are not scored by it.
-    pub grid: Option<f64>,
+    /// What [`MetricSet::dense_errors`] says; `None` on frames that are not evaluated by dense truth.
+    pub dense: Option<Box<[f64]>>,
 }
 
 /// Status of a frame that the tracker was started on; not evaluated.
@@ -42,7 +42,7 @@ impl Row {
             status,
             iterations: 0,
             similarity: f64::NAN,
-            grid: None,
+            dense: None,
         }
     }
 
@@ -80,10 +80,17 @@ pub fn round_corners(corners: &Corners) -> Option<Corners> {
     rounded.is_finite().then_some(rounded)
 }
 
+/// Columns before those of the metrics that every frame has.
+const HEAD: &str = "frame,file,status,x1,y1,x2,y2,x3,y3,x4,y4";
+/// Columns after them.
+const TAIL: &str = "iterations,similarity";
+
 /// A frame log as CSV: `rows[k]` is frame `start + k` of the sequence, `name(i)` its file, `truth(i)` its ground truth.
 ///
-/// Errors stand in every row that has corners and ground truth, but not where the tracker was started. A last column `grid` is there for sequences with dense truth only.
+/// Values of metrics stand in every row that has corners and ground truth, but not where the tracker was started. The
+/// columns of dense metrics are the last, and there for sequences with dense truth only.
 pub fn format_log<'a>(
+    metrics: &MetricSet,
     rows: &[Row],
     start: usize,
     name: impl Fn(usize) -> String,
@@ -91,9 +98,17 @@ pub fn format_log<'a>(
 ) -> Vec<u8> {
     use std::fmt::Write as _;
     let mut out = String::with_capacity(160 * rows.len() + 80);
-    out.push_str("frame,file,status,x1,y1,x2,y2,x3,y3,x4,y4,al,mcd,cl,jaccard,iterations,similarity");
-    let dense = rows.iter().any(|row| row.grid.is_some());
-    out.push_str(if dense { ",grid\n" } else { "\n" });
+    let with_dense = rows.iter().any(|row| row.dense.is_some());
+    let of_every_frame = metrics.of_every_frame().map(|m| m.name);
+    let of_dense = metrics.dense().filter(|_| with_dense).map(|m| m.name);
+    let columns = [HEAD]
+        .into_iter()
+        .chain(of_every_frame)
+        .chain([TAIL])
+        .chain(of_dense);
+    out.push_str(&columns.collect::<Vec<_>>().join(","));
+    out.push('\n');
+    let (errors, dense) = (metrics.of_every_frame().count(), metrics.dense().count());
     for (k, row) in rows.iter().enumerate() {
         let frame = start + k;
         let _ = write!(out, "{frame},{},{}", quoted(&name(frame)), row.status);
@@ -105,10 +120,11 @@ pub fn format_log<'a>(
         }
         match (row.corners, truth(frame)) {
             (Some(corners), Some(truth)) if row.status != INIT => {
-                let e = frame_error(&corners, &truth);
-                let _ = write!(out, ",{:.6},{:.6},{:.6},{:.6}", e.al, e.mcd, e.cl, e.jaccard);
+                metrics.frame_errors(&corners, &truth).for_each(|e| {
+                    let _ = write!(out, ",{e:.6}");
+                });
             }
-            _ => out.push_str(",,,,"),
+            _ => out.extend(std::iter::repeat_n(',', errors)),
         }
         // Single precision is what the images carry; a missing similarity is an empty field.
         let similarity = row.similarity as f32;
@@ -117,10 +133,14 @@ pub fn format_log<'a>(
             (true, 1e-4..1e9 | 0.0) => write!(out, ",{},{similarity}", row.iterations),
             (true, _) => write!(out, ",{},{similarity:e}", row.iterations),
         };
-        let _ = match row.grid {
-            Some(error) => writeln!(out, ",{error:.6}"),
-            None => writeln!(out, "{}", if dense { "," } else { "" }),
-        };
+        match &row.dense {
+            Some(values) => values.iter().for_each(|e| {
+                let _ = write!(out, ",{e:.6}");
+            }),
+            None if with_dense => out.extend(std::iter::repeat_n(',', dense)),
+            None => {}
+        }
+        out.push('\n');
     }
     out.into_bytes()
 }
@@ -163,23 +183,28 @@ pub struct FrameLog {
     pub start: usize,
     /// What each frame counts as.
     pub outcomes: Vec<Outcome>,
-    /// Error over the dense grid of each frame that has such truth, px.
-    pub grid: Vec<f64>,
+    /// The values of the dense metrics, of each frame that has such truth.
+    pub dense: Vec<Box<[f64]>>,
 }
 
 /// Reads a log written by [`format_log`].
 ///
 /// # Errors
 /// What is wrong with the text.
-pub fn parse_log(bytes: &[u8]) -> Result<FrameLog, String> {
+pub fn parse_log(metrics: &MetricSet, bytes: &[u8]) -> Result<FrameLog, String> {
     let mut reader = csv::ReaderBuilder::new().has_headers(true).from_reader(bytes);
     let headers = reader.byte_headers().map_err(|e| e.to_string())?;
     if headers.iter().nth(3) != Some(b"x1") || headers.iter().next() != Some(b"frame") {
         return Err("unknown columns".into());
     }
-    let dense = headers.iter().position(|h| h == b"grid");
+    let column = |name: &str| headers.iter().position(|h| h == name.as_bytes());
+    // All of them or none.
+    let columns: Vec<usize> = metrics.dense().filter_map(|m| column(m.name)).collect();
+    if !columns.is_empty() && columns.len() != metrics.dense().count() {
+        return Err("dense metrics are missing".into());
+    }
     let mut record = csv::StringRecord::new();
-    let (mut start, mut outcomes, mut grid) = (None, Vec::new(), Vec::new());
+    let (mut start, mut outcomes, mut dense) = (None, Vec::new(), Vec::new());
     let number = |field: &str| field.parse().map_err(|_| format!("bad number {field:?}"));
     while reader.read_record(&mut record).map_err(|e| e.to_string())? {
         if start.is_none() {
@@ -199,33 +224,38 @@ pub fn parse_log(bytes: &[u8]) -> Result<FrameLog, String> {
         }
         let corners = present.then(|| Corners::from_array(values));
         outcomes.push(Outcome::new(&record[2], corners));
-        if let Some(error) = dense.map(|at| &record[at]).filter(|f| !f.is_empty()) {
-            grid.push(number(error)?);
+        if columns.iter().any(|&at| !record[at].is_empty()) {
+            let values = columns.iter().map(|&at| number(&record[at]));
+            dense.push(values.collect::<Result<_, _>>()?);
         }
     }
     let start = start.ok_or("no rows")?;
     Ok(FrameLog {
         start,
         outcomes,
-        grid,
+        dense,
     })
 }
 
 /// Errors of the evaluated frames of a log, of which the first is frame `start`: those with ground truth that the tracker
-/// was not started on, and all failures. `None`: no output, or a failure.
-pub fn score_log(
+/// was not started on, and all failures, which count as without output; and of those with dense truth.
+pub fn score_log<'a>(
+    metrics: &MetricSet,
     start: usize,
     outcomes: impl IntoIterator<Item = Outcome>,
+    dense: impl IntoIterator<Item = &'a [f64]>,
     truth: impl Fn(usize) -> Option<Corners>,
-) -> Vec<Option<FrameError>> {
-    let score = |(frame, outcome)| match outcome {
-        Outcome::None => None,
-        Outcome::Failure => Some(None),
-        Outcome::Output(corners) => {
-            truth(frame).map(|truth: Corners| corners.map(|c| frame_error(&c, &truth)))
+) -> Errors {
+    let mut errors = Errors::new(metrics);
+    for (frame, outcome) in (start..).zip(outcomes) {
+        match (outcome, truth(frame)) {
+            (Outcome::None, _) | (Outcome::Output(_), None) => {}
+            (Outcome::Failure, _) => errors.push_lost(),
+            (Outcome::Output(corners), Some(truth)) => errors.push(corners.as_ref(), &truth),
         }
-    };
-    (start..).zip(outcomes).filter_map(score).collect()
+    }
+    dense.into_iter().for_each(|values| errors.push_dense(values));
+    errors
 }
 
 #[cfg(test)]
@@ -243,16 +273,16 @@ mod tests {
                     status: "ok",
                     iterations: 3,
                     similarity: v[0],
-                    grid: (v[1] > 0.0).then_some((v[1] * 1e6).round() / 1e6),
+                    dense: (v[1] > 0.0).then(|| [(v[1] * 1e6).round() / 1e6].into()),
                 })
                 .collect();
             let name = |i: usize| format!("frame,{i}.jpg");
             let truth = |i: usize| (i.is_multiple_of(2)).then(|| Corners::rect(0.0, 0.0, 9.0, 9.0));
-            let text = format_log(&rows, start, name, truth);
+            let text = format_log(&MetricSet::builtin(), &rows, start, name, truth);
             prop_assert_eq!(&unpack_log(pack_log(text.clone(), FrameLogs::Zst)).unwrap(), &text);
-            let log = parse_log(&text).unwrap();
+            let log = parse_log(&MetricSet::builtin(), &text).unwrap();
             prop_assert_eq!(log.start, start);
-            prop_assert_eq!(log.grid, rows.iter().filter_map(|r| r.grid).collect::<Vec<_>>());
+            prop_assert_eq!(log.dense, rows.iter().filter_map(|r| r.dense.clone()).collect::<Vec<_>>());
             for (row, read) in rows.iter().zip(&log.outcomes) {
                 let Outcome::Output(Some(read)) = read else { panic!("{read:?}") };
                 prop_assert_eq!(row.corners.unwrap().to_array().map(f64::to_bits), read.to_array().map(f64::to_bits));
@@ -262,6 +292,7 @@ mod tests {
 
     #[test]
     fn rows_without_corners_stay_empty_and_count_as_scored() {
+        let metrics = MetricSet::builtin();
         let row = |status, corners| Row {
             corners,
             ..Row::without_tracker(status)
@@ -279,12 +310,15 @@ mod tests {
             row(FAILED, None),
         ];
         let truth = |i: usize| (i != 3 && i != 8).then_some(here);
-        let text = format_log(&rows, 0, |i| i.to_string(), truth);
-        let log = parse_log(&text).unwrap();
-        let errors = score_log(log.start, log.outcomes, truth);
-        assert_eq!(errors, score_log(0, rows.iter().map(Row::outcome), truth));
-        let al: Vec<Option<f64>> = errors.iter().map(|e| e.map(|e| e.al)).collect();
-        assert_eq!(al, [None, Some(0.0), None, None, None]);
+        let text = format_log(&MetricSet::builtin(), &rows, 0, |i| i.to_string(), truth);
+        let log = parse_log(&MetricSet::builtin(), &text).unwrap();
+        let errors = score_log(&metrics, log.start, log.outcomes, [], truth);
+        assert_eq!(
+            errors,
+            score_log(&metrics, 0, rows.iter().map(Row::outcome), [], truth)
+        );
+        let lost = f64::INFINITY;
+        assert_eq!(errors.list(0), [lost, 0.0, lost, lost, lost]);
         // The error that made a frame a failure is there to be seen.
         let text = String::from_utf8(text).unwrap();
         let lines: Vec<&str> = text.lines().collect();
@@ -295,9 +329,12 @@ mod tests {
 
     #[test]
     fn damaged_logs_are_told() {
+        let metrics = MetricSet::builtin();
+        let parse_log = |text: &[u8]| parse_log(&metrics, text);
         assert!(parse_log(b"").is_err());
         assert!(parse_log(b"a,b,c\n1,2,3\n").is_err());
         let good = format_log(
+            &metrics,
             &[Row {
                 similarity: 0.0,
                 ..Row::without_tracker("ok")

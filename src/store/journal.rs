@@ -79,10 +79,12 @@ pub struct Entry {
     /// SHA-256 of the frame log, so that a log that was torn, edited or replaced is not taken for this result.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub log: Option<String>,
-    /// `[al, mcd, cl, jaccard]` per scored frame, kept here when no frame logs are written.
+    /// Per evaluated frame the values of the metrics that every frame has, in the order of the run's (`[al, mcd, cl,
+    /// jaccard]`; `null` without output); kept here when no frame logs are written.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub errors: Option<Vec<Option<[f64; 4]>>>,
-    /// Error over the dense grid of each frame that has such truth (`null` without output), likewise.
+    pub errors: Option<Vec<Option<Vec<f64>>>>,
+    /// Of each frame that has dense truth, one after the other: the values of the dense metrics (`null` without output),
+    /// likewise.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub grid: Vec<Option<f64>>,
     /// Speed figures.
@@ -357,7 +359,7 @@ mod tests {
             reason: (status == EntryStatus::Failed).then(|| "because".into()),
             frames: 3,
             log: None,
-            errors: Some(vec![Some([0.1, 0.2, 1.0 / 3.0, 1e-7]), None]),
+            errors: Some(vec![Some(vec![0.1, 0.2, 1.0 / 3.0, 1e-7]), None]),
             grid: vec![Some(0.25), None],
             time: UnitTime::default(),
         }

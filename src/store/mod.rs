@@ -1,14 +1,18 @@
-//! A run directory on disk: lock, journal, frame logs, truth, atomic files. Depends on `plan`.
+//! A run directory on disk: lock, journal, frame logs, truth, `summary.json`, atomic files. Depends on `metric` and
+//! `plan`.
 
 pub mod atomic;
 mod error;
+pub mod file;
 pub mod framelog;
 pub(crate) mod host;
 pub mod journal;
 pub mod lock;
 pub mod rundir;
 pub mod status;
+pub mod summary;
 pub mod truth;
 
 pub use atomic::{Durable, write_atomic};
 pub use error::StoreError;
+pub use file::FileError;

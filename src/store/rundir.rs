@@ -10,18 +10,11 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Files at the top of a run directory that a fresh start removes.
-const TOP_FILES: [&str; 9] = [
-    "run.json",
-    "truth.csv",
-    "summary.csv",
-    "sequences.csv",
-    "curves.csv",
-    "summary.json",
-    "success.svg",
-    "timing.csv",
-    "journal.jsonl",
-];
+/// Files at the top of a run directory, besides result files, that a fresh start removes.
+const TOP_FILES: [&str; 4] = ["run.json", "truth.csv", "timing.csv", "journal.jsonl"];
+
+/// Names in a run directory that are no result file's.
+pub(crate) const RESERVED: [&str; 5] = [TOP_FILES[0], TOP_FILES[1], TOP_FILES[2], TOP_FILES[3], "frames"];
 
 /// Most entries of a folder.
 const FAN_OUT: usize = 10_000;
@@ -39,12 +32,12 @@ pub struct RunDir {
 }
 
 impl RunDir {
-    /// Creates or opens the directory at `path`, takes its lock and makes sure it can be written to. `fresh` removes
-    /// what an earlier run wrote there. Also returns who held the lock and died, if so.
+    /// Creates or opens the directory at `path`, takes its lock and makes sure it can be written to. A `fresh` start removes
+    /// what an earlier run wrote there; its result files go by the names `results`. Also returns who held the lock and died, if so.
     ///
     /// # Errors
     /// The directory is locked, holds other things than a run, cannot be created or written to, or the disk is full.
-    pub fn open(path: &Path, fresh: bool) -> Result<(RunDir, Option<Holder>), StoreError> {
+    pub fn open(path: &Path, fresh: bool, results: &[&str]) -> Result<(RunDir, Option<Holder>), StoreError> {
         fs::create_dir_all(path).map_err(|e| StoreError::io(path, e))?;
         let lock_path = path.join(".lock");
         if !lock_path.exists() && !path.join("journal.jsonl").exists() && !path.join("run.json").exists() {
@@ -58,7 +51,7 @@ impl RunDir {
         dir.lock = Some(lock);
         dir.sweep()?;
         if fresh {
-            dir.clear()?;
+            dir.clear(results)?;
         }
         Ok((dir, dead))
     }
@@ -130,13 +123,13 @@ impl RunDir {
         Ok(())
     }
 
-    fn clear(&self) -> Result<(), StoreError> {
+    fn clear(&self, results: &[&str]) -> Result<(), StoreError> {
         let gone = |path: &Path, result: io::Result<()>| match result {
             Err(e) if e.kind() != io::ErrorKind::NotFound => Err(StoreError::io(path, e)),
             _ => Ok(()),
         };
         // The journal goes first: without it nothing else counts, however far this gets.
-        for name in TOP_FILES.iter().rev() {
+        for name in TOP_FILES.iter().rev().chain(results) {
             let path = self.path.join(name);
             gone(&path, fs::remove_file(&path))?;
         }
@@ -265,9 +258,9 @@ mod tests {
     #[test]
     fn a_second_opener_learns_who_holds_the_lock() {
         let dir = tempfile::tempdir().unwrap();
-        let (held, dead) = RunDir::open(dir.path(), false).unwrap();
+        let (held, dead) = RunDir::open(dir.path(), false, &[]).unwrap();
         assert!(dead.is_none());
-        match RunDir::open(dir.path(), false) {
+        match RunDir::open(dir.path(), false, &[]) {
             Err(StoreError::Locked { holder, .. }) => {
                 let pid = format!("pid {}", std::process::id());
                 assert!(holder.contains(&pid), "{holder}")
@@ -275,7 +268,7 @@ mod tests {
             other => panic!("{other:?}"),
         }
         drop(held);
-        assert!(RunDir::open(dir.path(), false).is_ok());
+        assert!(RunDir::open(dir.path(), false, &[]).is_ok());
     }
 
     #[test]
@@ -311,7 +304,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join("thesis.tex"), "x").unwrap();
         assert!(matches!(
-            RunDir::open(dir.path(), true),
+            RunDir::open(dir.path(), true, &[]),
             Err(StoreError::NotARunDirectory(_))
         ));
         assert!(dir.path().join("thesis.tex").exists());

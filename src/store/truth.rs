@@ -7,14 +7,14 @@ use mtf::geom::Corners;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Ground truth of a sequence, per frame.
+/// Ground truth of a sequence as a run directory keeps it, per frame.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Truth {
+pub struct KeptTruth {
     corners: Vec<Option<Corners>>,
     dense: Vec<bool>,
 }
 
-impl Truth {
+impl KeptTruth {
     /// Corners of frame `i` in px, `None` when it is not annotated or beyond the end.
     pub fn at(&self, i: usize) -> Option<Corners> {
         self.corners.get(i).copied().flatten()
@@ -35,8 +35,8 @@ impl Truth {
 }
 
 /// The ground truth of each sequence of the plan.
-pub(crate) fn of(prepared: &Prepared<'_>) -> Vec<Truth> {
-    let truth = |s: &&crate::dataset::Sequence| Truth {
+pub(crate) fn of(prepared: &Prepared<'_>) -> Vec<KeptTruth> {
+    let truth = |s: &&crate::dataset::Sequence| KeptTruth {
         corners: (0..s.len()).map(|i| s.truth(i)).collect(),
         dense: (0..s.len()).map(|i| s.dense_truth(i).is_some()).collect(),
     };
@@ -44,7 +44,7 @@ pub(crate) fn of(prepared: &Prepared<'_>) -> Vec<Truth> {
 }
 
 /// As a file.
-pub(crate) fn format(sequences: &[PlannedSequence], truth: &[Truth]) -> Vec<u8> {
+pub(crate) fn format(sequences: &[PlannedSequence], truth: &[KeptTruth]) -> Vec<u8> {
     let mut out = csv::Writer::from_writer(Vec::new());
     let mut put = |fields: &[String]| {
         // A vector takes everything.
@@ -72,11 +72,11 @@ pub(crate) fn format(sequences: &[PlannedSequence], truth: &[Truth]) -> Vec<u8> 
 ///
 /// # Errors
 /// The file cannot be read or understood.
-pub(crate) fn read(path: &Path, sequences: &[PlannedSequence]) -> Result<Vec<Truth>, StoreError> {
+pub(crate) fn read(path: &Path, sequences: &[PlannedSequence]) -> Result<Vec<KeptTruth>, StoreError> {
     let bytes = std::fs::read(path).map_err(|e| StoreError::io(path, e))?;
-    let mut truths: Vec<Truth> = sequences
+    let mut truths: Vec<KeptTruth> = sequences
         .iter()
-        .map(|s| Truth {
+        .map(|s| KeptTruth {
             corners: vec![None; s.frames],
             dense: vec![false; s.frames],
         })
@@ -131,7 +131,7 @@ mod tests {
             fingerprint: String::new(),
         }];
         let corners = |k: f64| Some(Corners::rect(0.1 * k, 1.0 / 3.0, 1e-9 + k, 40.0));
-        let truth = [Truth {
+        let truth = [KeptTruth {
             corners: vec![None, corners(1.0), corners(2.0), None, corners(4.0)],
             dense: vec![false, true, false, false, true],
         }];

@@ -1,16 +1,20 @@
 //! What `check` says: for people, for programs, and in Markdown for the page of a CI run.
 
-use crate::cli::exit::of_verdict;
-use crate::judge::baseline::{Figure, Key};
-use crate::judge::gate::{Change, Comparison, Tolerances, Verdict};
+use crate::cli::exit::of_conclusion;
+use crate::judge::change::Subject;
+use crate::judge::gate::{Conclusion, Finding, Findings};
+use crate::judge::tolerances::Tolerances;
+use crate::metric::MetricSet;
 use crate::report::{Format, render};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// A comparison with a baseline, and how strict it was.
+/// What the gate finds, and how strict it was.
 pub struct Report<'a> {
-    pub comparison: &'a Comparison,
+    pub findings: &'a Findings,
     pub tolerances: &'a Tolerances,
+    /// What the figures are of.
+    pub metrics: &'a MetricSet,
     /// Changes that tables show; 0 for all.
     pub top: usize,
 }
@@ -19,28 +23,28 @@ impl Report<'_> {
     /// Drops, what is missing, and one line that says how it went.
     pub fn text(&self, format: Format) -> String {
         match format {
-            Format::Json => json(self.comparison, Some(self.tolerances)),
+            Format::Json => json(self.findings, Some(self.tolerances)),
             Format::Csv => self.drops(format),
             Format::Table | Format::Md => {
-                format!("{}{}{}\n", self.drops(format), self.remarks(), self.verdict())
+                format!("{}{}{}\n", self.drops(format), self.remarks(), self.conclusion())
             }
         }
     }
 
     /// A page: the verdict as its heading, what dropped, and what improved folded away.
     pub fn markdown(&self, run: &Path) -> String {
-        let c = self.comparison;
-        let mark = match c.verdict() {
-            Verdict::Passed => "✅",
+        let c = self.findings;
+        let mark = match c.conclusion() {
+            Conclusion::Passed => "✅",
             _ => "❌",
         };
-        let mut text = format!("### {mark} mtf-eval {}\n\n", self.verdict());
+        let mut text = format!("### {mark} mtf-eval {}\n\n", self.conclusion());
         text += &self.drops(Format::Md);
         for remark in self.remarks().lines() {
             text += &format!("- {remark}\n");
         }
         if !c.improved.is_empty() {
-            let improved: Vec<&Change> = c.improved.iter().collect();
+            let improved: Vec<&Finding> = c.improved.iter().collect();
             let table = changes(&improved, "now", Format::Md, self.top);
             text += &format!(
                 "\n<details><summary>{} improved</summary>\n\n{table}\n</details>\n",
@@ -51,29 +55,35 @@ impl Report<'_> {
     }
 
     fn drops(&self, format: Format) -> String {
-        let drops: Vec<&Change> = self.comparison.drops.iter().collect();
+        let drops: Vec<&Finding> = self.findings.drops.iter().collect();
         changes(&drops, "now", format, self.top)
     }
 
     /// What else stands in the way, a line each.
     fn remarks(&self) -> String {
-        let c = self.comparison;
+        let c = self.findings;
         let mut text = String::new();
         for reason in &c.not_comparable {
             text += &format!("not comparable: {reason}\n");
         }
         text += &keys("missing", &c.missing);
         text += &keys("failed", &c.failed);
-        text + &keys("not in the baseline", &c.added)
+        text += &keys("not in the baseline", &c.added);
+        for figure in &c.added_figures {
+            text += &format!("not in the baseline: {figure}\n");
+        }
+        text
     }
 
     /// How it went, in one line.
-    fn verdict(&self) -> String {
-        let c = self.comparison;
-        let trackers: BTreeSet<&str> = c.drops.iter().map(|d| d.key.tracker.as_str()).collect();
-        let tolerated = Figure::ALL
-            .map(|f| format!("{} {}", f.name(), self.tolerances.general(f)))
-            .join(", ");
+    fn conclusion(&self) -> String {
+        let c = self.findings;
+        let trackers: BTreeSet<&str> = c.drops.iter().map(|d| d.subject.tracker.as_str()).collect();
+        let tolerated = self.tolerances.figures().map(|(name, tolerance)| {
+            let unit = self.metrics.figure(name).map_or("", |f| f.unit);
+            format!("{name} {tolerance} {unit}").trim_end().to_owned()
+        });
+        let tolerated = tolerated.collect::<Vec<_>>().join(", ");
         let others = match self.tolerances.overrides.len() {
             0 => String::new(),
             n => format!(", {n} override{}", if n == 1 { "" } else { "s" }),
@@ -86,14 +96,14 @@ impl Report<'_> {
                 if trackers.len() == 1 { "" } else { "s" }
             ),
         };
-        let word = match c.verdict() {
-            Verdict::Passed => "passed",
-            Verdict::Dropped => "failed",
-            Verdict::NotComparable => "not comparable",
-            Verdict::Incomplete => "incomplete",
+        let word = match c.conclusion() {
+            Conclusion::Passed => "passed",
+            Conclusion::Dropped => "failed",
+            Conclusion::NotComparable => "not comparable",
+            Conclusion::Incomplete => "incomplete",
         };
         format!(
-            "check {word}: {worse}, {} improved, {} unchanged (tolerances: {tolerated} px{others})",
+            "check {word}: {worse}, {} improved, {} unchanged (tolerances: {tolerated}{others})",
             c.improved.len(),
             c.unchanged
         )
@@ -101,7 +111,7 @@ impl Report<'_> {
 }
 
 /// The first `top` changes (0: all) as a table with an empty line below; as CSV all of them, without.
-pub fn changes(changes: &[&Change], now: &str, format: Format, top: usize) -> String {
+pub fn changes(changes: &[&Finding], now: &str, format: Format, top: usize) -> String {
     if changes.is_empty() && format != Format::Csv {
         return String::new();
     }
@@ -121,19 +131,20 @@ pub fn changes(changes: &[&Change], now: &str, format: Format, top: usize) -> St
     let rows: Vec<Vec<String>> = changes[..shown]
         .iter()
         .map(|c| {
-            let change = c.now - c.baseline;
-            let change = if change.is_nan() {
+            let Finding { subject, change } = c;
+            let by = change.after - change.before;
+            let by = if by.is_nan() {
                 "-".to_owned()
             } else {
-                format!("{change:+.4}")
+                format!("{by:+.4}")
             };
             vec![
-                c.key.tracker.clone(),
-                c.key.place(),
-                c.figure.name().to_owned(),
-                figure(c.baseline),
-                figure(c.now),
-                change,
+                subject.tracker.clone(),
+                subject.place(),
+                change.figure.clone(),
+                figure(change.before),
+                figure(change.after),
+                by,
             ]
         })
         .collect();
@@ -147,41 +158,41 @@ pub fn changes(changes: &[&Change], now: &str, format: Format, top: usize) -> St
     text
 }
 
-/// One line per key, at most twenty.
-pub fn keys(what: &str, keys: &[Key]) -> String {
+/// One line per subject, at most twenty.
+pub fn keys(what: &str, subjects: &[Subject]) -> String {
     const SHOWN: usize = 20;
-    let mut text: String = keys
+    let mut text: String = subjects
         .iter()
         .take(SHOWN)
         .map(|k| format!("{what}: {} on {}\n", k.tracker, k.place()))
         .collect();
-    if keys.len() > SHOWN {
-        text += &format!("{what}: {} more\n", keys.len() - SHOWN);
+    if subjects.len() > SHOWN {
+        text += &format!("{what}: {} more\n", subjects.len() - SHOWN);
     }
     text
 }
 
 /// Everything, for programs.
-pub fn json(comparison: &Comparison, tolerances: Option<&Tolerances>) -> String {
-    let change = |c: &Change| {
+pub fn json(findings: &Findings, tolerances: Option<&Tolerances>) -> String {
+    let change = |f: &Finding| {
         serde_json::json!({
-            "tracker": c.key.tracker, "dataset": c.key.dataset, "sequence": c.key.sequence, "start": c.key.start,
-            "figure": c.figure, "baseline": c.baseline, "now": c.now,
+            "tracker": f.subject.tracker, "dataset": f.subject.dataset, "sequence": f.subject.sequence,
+            "start": f.subject.start, "figure": f.change.figure, "baseline": f.change.before, "now": f.change.after,
         })
     };
-    let changes = |list: &[Change]| list.iter().map(change).collect::<Vec<_>>();
+    let changes = |list: &[Finding]| list.iter().map(change).collect::<Vec<_>>();
     let value = serde_json::json!({
-        "passed": comparison.verdict() == Verdict::Passed,
-        "exit_code": of_verdict(comparison.verdict()),
+        "passed": findings.conclusion() == Conclusion::Passed,
+        "exit_code": of_conclusion(findings.conclusion()),
         "tolerances": tolerances,
-        "drops": changes(&comparison.drops),
-        "improved": changes(&comparison.improved),
-        "unjudged": changes(&comparison.unjudged),
-        "unchanged": comparison.unchanged,
-        "failed": comparison.failed,
-        "missing": comparison.missing,
-        "added": comparison.added,
-        "not_comparable": comparison.not_comparable,
+        "drops": changes(&findings.drops),
+        "improved": changes(&findings.improved),
+        "unjudged": changes(&findings.unjudged),
+        "unchanged": findings.unchanged,
+        "failed": findings.failed,
+        "missing": findings.missing,
+        "added": findings.added,
+        "not_comparable": findings.not_comparable,
     });
     format!("{value:#}\n")
 }

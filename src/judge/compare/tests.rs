@@ -1,5 +1,6 @@
 use super::*;
-use crate::metric::aggregate::{TrackerName, UnitResult, UnitStatus, aggregate, example};
+use crate::metric::Score;
+use crate::metric::aggregate::{TrackerName, UnitResult, UnitStatus, example};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
@@ -7,7 +8,7 @@ use serde_json::json;
 
 const TRACKERS: [&str; 3] = ["esm/ssd/affine", "iclk/ssd/affine", "nn/ssd/affine"];
 
-fn run_of(name: &str, results: Results) -> Run {
+fn run_of(name: &str, results: Results) -> FinishedRun {
     let sequences: BTreeSet<(String, String)> = results
         .sequences
         .iter()
@@ -17,16 +18,16 @@ fn run_of(name: &str, results: Results) -> Run {
         .into_iter()
         .map(|(d, s)| json!({"dataset": d, "sequence": s, "fingerprint": format!("of {s}")}))
         .collect();
-    Run {
+    FinishedRun {
         name: name.to_owned(),
         results,
-        thresholds: Thresholds::default(),
+        thresholds: summary::thresholds(&MetricSet::builtin()),
         description: json!({"version": "1", "seed": 0, "sequences": sequences, "trackers": []}),
     }
 }
 
 /// Three trackers on twelve sequences; `shift` px of error on sequence `s` of tracker `t`.
-fn run(name: &str, shift: impl Fn(usize, usize) -> f64) -> Run {
+fn run(name: &str, shift: impl Fn(usize, usize) -> f64) -> FinishedRun {
     let units: Vec<UnitResult> = (0..3)
         .flat_map(|t| (0..12).map(move |s| (t, s)))
         .map(|(t, s)| {
@@ -34,10 +35,10 @@ fn run(name: &str, shift: impl Fn(usize, usize) -> f64) -> Run {
             example::unit(TRACKERS[t], &format!("s{s:02}"), &shifts)
         })
         .collect();
-    run_of(name, aggregate(&units))
+    run_of(name, example::of(&units))
 }
 
-fn against(a: &Run, b: &Run) -> Result<Comparison, CompareError> {
+fn against(a: &FinishedRun, b: &FinishedRun) -> Result<Comparison, CompareError> {
     compare(a, b, &Options::default())
 }
 
@@ -98,8 +99,8 @@ fn start_frames_of_a_sequence_are_one_draw() {
             .collect()
     };
     let (a, b) = (
-        run_of("a", aggregate(&units(1.0))),
-        run_of("b", aggregate(&units(2.0))),
+        run_of("a", example::of(&units(1.0))),
+        run_of("b", example::of(&units(2.0))),
     );
     let found = against(&a, &b).unwrap();
     assert_eq!((found.changed[0].units, found.changed[0].sequences), (50, 5));
@@ -122,7 +123,7 @@ fn protocols_are_compared_apart() {
                 unit
             })
             .collect();
-        run_of(name, aggregate(&units))
+        run_of(name, example::of(&units))
     };
     let both = ["ope", "subseq:3"];
     let a = run("a", &|_, s| s as f64, &both);
@@ -149,7 +150,7 @@ fn protocols_are_compared_apart() {
 #[test]
 fn what_does_not_compare_is_refused() {
     let a = run("a", |_, _| 1.0);
-    let reasons = |b: &Run| match against(&a, b) {
+    let reasons = |b: &FinishedRun| match against(&a, b) {
         Err(CompareError::NotComparable(reasons)) => reasons.join("; "),
         other => panic!("{other:?}"),
     };
@@ -162,7 +163,7 @@ fn what_does_not_compare_is_refused() {
     }
     assert!(reasons(&other).contains("protocol ope in a, reinit in a"));
     other = a.clone();
-    other.thresholds.al[1] = 0.3;
+    other.thresholds["al"][1] = 0.3.into();
     assert!(reasons(&other).contains("other thresholds"));
     other = a.clone();
     other.description["sequences"] = json!([]);
@@ -235,18 +236,36 @@ fn a_failed_run_is_a_change() {
 
 #[test]
 fn figures_by_name() {
-    assert_eq!(parse_figure("AUC").unwrap(), "auc");
-    assert!(
-        parse_figure("al_median")
-            .unwrap_err()
-            .contains("no mean over frames")
-    );
-    assert!(parse_figure("x").unwrap_err().contains("no figure 'x'"));
+    let parse = |name: &str| parse_figure(&MetricSet::builtin(), name);
+    assert_eq!(parse("AUC").unwrap(), "auc");
+    assert!(parse("al_median").unwrap_err().contains("no mean over frames"));
+    assert!(parse("x").unwrap_err().contains("no figure 'x'"));
+}
+
+#[test]
+fn metrics_that_one_run_lacks_are_no_change() {
+    let a = run("a", |_, _| 1.0);
+    let mut b = a.clone();
+    b.thresholds.remove("jaccard");
+    for row in &mut b.results.sequences {
+        row.score = row.score.clone().with("jaccard_mean", f64::NAN);
+    }
+    let found = against(&a, &b).unwrap();
+    assert_eq!((found.units, found.identical), (36, 36));
+    assert_eq!(found.warnings, ["not compared: jaccard, in a alone"]);
+    let options = Options {
+        figures: vec!["jaccard_mean".to_owned()],
+        ..Options::default()
+    };
+    assert!(matches!(
+        compare(&a, &b, &options),
+        Err(CompareError::NotComparable(_))
+    ));
 }
 
 /// Scores of 12 stochastic trackers on 13 sequences as two seeds give them: a level of its own for each tracker and
 /// sequence, noise, and now and then a lost object. `gain` is added to every score of the first tracker.
-fn stochastic(level: &[Vec<f64>], rng: &mut Pcg64, gain: f64) -> Run {
+fn stochastic(level: &[Vec<f64>], rng: &mut Pcg64, gain: f64) -> FinishedRun {
     let noise = Normal::new(0.0, 0.03).unwrap();
     let mut results = Results::default();
     for (t, levels) in level.iter().enumerate() {
@@ -258,13 +277,11 @@ fn stochastic(level: &[Vec<f64>], rng: &mut Pcg64, gain: f64) -> Run {
             };
             let gain = if t == 0 { gain } else { 0.0 };
             let auc: f64 = (level * lost + noise.sample(rng) + gain).clamp(0.0, 1.0);
-            let score = Score {
-                frames: 60 + 5 * (s % 4),
-                auc,
-                sr_5: (auc + 0.5 * noise.sample(rng)).clamp(0.0, 1.0),
-                al_mean: 20.0 * (1.0 - auc),
-                ..Score::mean(&[])
-            };
+            let score = Score::mean(&results.metrics, &[])
+                .with("frames", (60 + 5 * (s % 4)) as f64)
+                .with("auc", auc)
+                .with("sr_5", (auc + 0.5 * noise.sample(rng)).clamp(0.0, 1.0))
+                .with("al_mean", 20.0 * (1.0 - auc));
             results.sequences.push(SequenceRow {
                 tracker: TrackerName {
                     id: format!("pf{t}"),

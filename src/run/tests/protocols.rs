@@ -56,13 +56,13 @@ fn failures_of_every_kind_end_a_stretch() {
         // Fewer than 5 frames are left after the last failure.
         let short = log(&request, &bench, id, "seq1@reinit-20-5.csv");
         assert_eq!(letters(&short), "i...fssssi...fssssi...fss", "{id}");
-        let score = row(&report, id, "seq0", "reinit:20:5").score;
-        assert_eq!((score.frames, score.failures), (11 + 3, 3), "{id}");
-        assert_eq!(score.frames_per_failure, 3.5, "{id}");
-        assert_eq!(score.sr_20, 0.785714, "{id}");
+        let score = row(&report, id, "seq0", "reinit:20:5").score.clone();
+        assert_eq!((score.frames(), score.failures()), (11 + 3, 3), "{id}");
+        assert_eq!(score["frames_per_failure"], 3.5, "{id}");
+        assert_eq!(score["sr_20"], 0.785714, "{id}");
         // What was tracked was never far off: failures have no part in it.
         assert!(
-            score.al_mean < 3.0 && score.al_mean == score.al_tracked,
+            score["al_mean"] < 3.0 && score["al_mean"] == score["al_tracked"],
             "{id}: {score:?}"
         );
     }
@@ -70,9 +70,9 @@ fn failures_of_every_kind_end_a_stretch() {
     let long = log(&request, &bench, "jumps", "seq0@reinit-20-5.csv");
     assert!(long[4][11].parse::<f64>().unwrap() > 20.0, "{:?}", long[4]);
     assert_eq!(long[9][11], "", "{:?}", long[9]);
-    let steady = row(&report, "steady", "seq0", "reinit:20:5").score;
+    let steady = row(&report, "steady", "seq0", "reinit:20:5").score.clone();
     assert_eq!(
-        (steady.frames, steady.failures, steady.frames_per_failure),
+        (steady.frames(), steady.failures(), steady["frames_per_failure"]),
         (29, 0, 29.0)
     );
     let pooled = |id: &str| {
@@ -80,9 +80,9 @@ fn failures_of_every_kind_end_a_stretch() {
         rows.find(|r| r.tracker.id == id && r.average == Average::Pooled)
             .unwrap()
     };
-    assert_eq!(pooled("jumps").score.failures, 6);
+    assert_eq!(pooled("jumps").score.failures(), 6);
     assert_eq!(
-        pooled("jumps").score.frames_per_failure,
+        pooled("jumps").score["frames_per_failure"],
         round6((14.0 + 12.0) / 7.0)
     );
     assert_eq!((pooled("jumps").runs, pooled("jumps").failed_runs), (2, 0));
@@ -121,14 +121,17 @@ fn thresholds_skips_and_refused_starts() {
     );
     let lost = row(&report, "no_start", "seq0", "reinit:1.5:3");
     assert_eq!(
-        (lost.score.frames, lost.score.failures, lost.score.auc),
+        (lost.score.frames(), lost.score.failures(), lost.score["auc"]),
         (29, 29, 0.0)
     );
     // Nothing is above 1000 px.
-    let jumps = row(&report, "jumps", "seq0", "reinit:1000:1").score;
-    assert_eq!((jumps.frames, jumps.failures, jumps.sr_20), (29, 0, 0.103448));
-    assert_eq!(jumps.al_mean, round6(jumps.al_mean));
-    assert!(jumps.al_mean > 10.0);
+    let jumps = row(&report, "jumps", "seq0", "reinit:1000:1").score.clone();
+    assert_eq!(
+        (jumps.frames(), jumps.failures(), jumps["sr_20"]),
+        (29, 0, 0.103448)
+    );
+    assert_eq!(jumps["al_mean"], round6(jumps["al_mean"]));
+    assert!(jumps["al_mean"] > 10.0);
     // Errors grow until they are above 1.5 px; the next start is 3 frames later.
     let log = log(&request, &bench, "drifts", "seq0@reinit-1.5-3.csv");
     let letters = letters(&log);
@@ -154,8 +157,8 @@ fn thresholds_skips_and_refused_starts() {
     assert_eq!(super::protocols::letters(&rows), "ifsfsifsifss");
     let rows = super::protocols::log(&request, &bench, "refuses", "seq0@every-3.csv");
     assert_eq!(super::protocols::letters(&rows), "i...bbb.....");
-    let every = row(&report, "refuses", "seq0", "every:3").score;
-    assert_eq!((every.frames, every.failures), (11, 3));
+    let every = row(&report, "refuses", "seq0", "every:3").score.clone();
+    assert_eq!((every.frames(), every.failures()), (11, 3));
 }
 
 #[test]
@@ -209,12 +212,12 @@ fn what_follows_a_start_does_not_depend_on_what_came_before() {
     assert_eq!(report.results.sequences.iter().filter(failed).count(), 5);
     let every = log(&request, &bench, "panics", "seq0@every-7.csv");
     assert_eq!(letters(&every), "i..bbbbb..bbbbb..bbbbb..bbbbb");
-    let score = row(&report, "panics", "seq0", "every:7").score;
-    assert_eq!((score.frames, score.failures), (28, 20));
-    assert!(score.frames_per_failure.is_nan());
-    let still = |protocol: &str| row(&report, "still", "seq0", protocol).score;
-    assert_eq!(still("every:7").frames, still("ope").frames);
-    assert!(still("every:7").al_mean < still("ope").al_mean);
+    let score = row(&report, "panics", "seq0", "every:7").score.clone();
+    assert_eq!((score.frames(), score.failures()), (28, 20));
+    assert!(score["frames_per_failure"].is_nan());
+    let still = |protocol: &str| row(&report, "still", "seq0", protocol).score.clone();
+    assert_eq!(still("every:7").frames(), still("ope").frames());
+    assert!(still("every:7")["al_mean"] < still("ope")["al_mean"]);
 
     // Each protocol alone has the same figures.
     for protocol in ["ope", "subseq:4", "every:7", "reinit:20:3"] {
@@ -264,9 +267,9 @@ fn frames_without_ground_truth_are_not_started_on() {
     // An error is a failure with or without ground truth: that of frame 8 counts as an evaluated frame.
     let errs = log(&request, &bench, "errs", "seq0@reinit-20-5.csv");
     assert_eq!(letters(&errs), "i.......fssssi.......fssssi...");
-    let score = row(&report, "errs", "seq0", "reinit:20:5").score;
-    assert_eq!((score.frames, score.failures), (4 + 1 + 6 + 1 + 3, 2));
+    let score = row(&report, "errs", "seq0", "reinit:20:5").score.clone();
+    assert_eq!((score.frames(), score.failures()), (4 + 1 + 6 + 1 + 3, 2));
     // Every 20 frames is frame 21 here; the one before is tracked from frame 0.
-    let every = row(&report, "jumps", "seq0", "every:20").score;
-    assert_eq!((every.frames, every.failures), (21, 1 + 9 + 5));
+    let every = row(&report, "jumps", "seq0", "every:20").score.clone();
+    assert_eq!((every.frames(), every.failures()), (21, 1 + 9 + 5));
 }

@@ -106,7 +106,10 @@ impl TrackerSpec {
             return safe;
         }
         let hash = Sha256::digest(id.as_bytes());
-        let hex: String = hash[..4].iter().map(|b| format!("{b:02x}")).collect();
-        format!("{}-{hex}", safe[..safe.len().min(MAX_SLUG)].trim_end_matches('-'))
+        let hash = hex::encode(&hash[..4]);
+        format!(
+            "{}-{hash}",
+            safe[..safe.len().min(MAX_SLUG)].trim_end_matches('-')
+        )
     }
 }
