@@ -103,15 +103,16 @@ pub fn numbers(words: &[&str], expected: usize) -> Result<Vec<f64>, DatasetError
     Ok(numbers)
 }
 
-/// Reads the rows of `file` as annotations of `frames`. Most rows tell which of `kinds` they are; of several that fit, the
-/// first is taken. Rows and frames that do not match are faults.
+/// Reads the rows of `file` as annotations of `frames`, each with its index: `enumerate()` of all frames, or `.step_by(2)`
+/// of that when every second frame has a row. Most rows tell which of `kinds` they are; of several that fit, the first is
+/// taken. Rows and frames that do not match are faults.
 ///
 /// # Errors
 /// No text, no rows, or rows of no kind.
-pub fn read(
+pub fn read<'a>(
     file: &TruthFile,
     kinds: &[RowKind],
-    frames: &[File],
+    frames: impl IntoIterator<Item = (usize, &'a File)>,
     annotations: &mut Annotations,
 ) -> Result<(), DatasetError> {
     let mut rows: Vec<Row<'_>> = file
@@ -131,11 +132,11 @@ pub fn read(
     if is_header(&rows[0], kind) {
         rows.remove(0);
     }
-    let names: Vec<&str> = frames.iter().map(File::name).collect();
+    let frames: Vec<(usize, &str)> = frames.into_iter().map(|(i, f)| (i, f.name())).collect();
     if kind.named {
-        match_by_name(&rows, kind, file, &names, annotations);
+        match_by_name(&rows, kind, file, &frames, annotations);
     } else {
-        match_by_order(&rows, kind, file, &names, annotations);
+        match_by_order(&rows, kind, file, &frames, annotations);
     }
     Ok(())
 }
@@ -185,10 +186,10 @@ fn match_by_order(
     rows: &[Row<'_>],
     kind: &RowKind,
     file: &TruthFile,
-    frames: &[&str],
+    frames: &[(usize, &str)],
     annotations: &mut Annotations,
 ) {
-    for (i, row) in rows.iter().enumerate().take(frames.len()) {
+    for (row, &(i, _)) in rows.iter().zip(frames) {
         annotations.set(i, file.at_line(row.line), region(&row.words, kind));
     }
     let counts = (rows.len(), frames.len());
@@ -197,7 +198,7 @@ fn match_by_order(
             rows: counts.0,
             frames: counts.1,
         }));
-    } else if let (Some(frame), Some(last)) = (frames.get(rows.len()), rows.last()) {
+    } else if let (Some((_, frame)), Some(last)) = (frames.get(rows.len()), rows.last()) {
         annotations.fault(file.at_line(last.line).fault(DatasetErrorKind::FewerRows {
             rows: counts.0,
             frames: counts.1,
@@ -210,12 +211,12 @@ fn match_by_name(
     rows: &[Row<'_>],
     kind: &RowKind,
     file: &TruthFile,
-    frames: &[&str],
+    frames: &[(usize, &str)],
     annotations: &mut Annotations,
 ) {
     let stem = |name: &str| name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_string();
-    let by_name: BTreeMap<&str, usize> = frames.iter().enumerate().map(|(i, &f)| (f, i)).collect();
-    let by_stem: BTreeMap<String, usize> = frames.iter().enumerate().map(|(i, f)| (stem(f), i)).collect();
+    let by_name: BTreeMap<&str, usize> = frames.iter().map(|&(i, name)| (name, i)).collect();
+    let by_stem: BTreeMap<String, usize> = frames.iter().map(|&(i, name)| (stem(name), i)).collect();
     for row in rows {
         let (name, words) = (row.words[0], &row.words[1..]);
         let location = file.at_line(row.line);
@@ -241,7 +242,7 @@ fn match_by_name(
         };
         annotations.set(i, location, said);
     }
-    for (i, frame) in frames.iter().enumerate() {
+    for &(i, frame) in frames {
         if !annotations.is_set(i) {
             annotations.fault(file.fault(DatasetErrorKind::MissingRow {
                 frame: frame.to_string(),
@@ -265,7 +266,7 @@ mod tests {
         let frames: Vec<File> = frames.iter().map(|name| File::of(name, vec![])).collect();
         let mut annotations = Annotations::new(frames.len());
         let file = TruthFile::of("gt", text.to_vec());
-        if let Err(fault) = read(&file, kinds, &frames, &mut annotations) {
+        if let Err(fault) = read(&file, kinds, frames.iter().enumerate(), &mut annotations) {
             annotations.fault(fault);
         }
         annotations
@@ -321,6 +322,24 @@ mod tests {
         };
         let truth = read_as(QUAD.as_bytes(), &["a.png"], &[BOX, shifted, CORNERS]);
         assert_eq!(corners(&truth), [Some(quad().translated(-0.5, -0.5))]);
+    }
+
+    #[test]
+    fn rows_may_be_those_of_some_frames() {
+        let frames: Vec<File> = ["1.png", "2.png", "3.png"]
+            .map(|name| File::of(name, vec![]))
+            .into();
+        for text in [
+            format!("{QUAD}\n{QUAD}\n"),
+            format!("3.jpg {QUAD}\n1.jpg {QUAD}\n"),
+        ] {
+            let mut annotations = Annotations::new(3);
+            let file = TruthFile::of("gt", text.into_bytes());
+            let every_second = frames.iter().enumerate().step_by(2);
+            read(&file, ANY, every_second, &mut annotations).unwrap();
+            assert!(annotations.faults().is_empty(), "{:?}", annotations.faults());
+            assert_eq!(corners(&annotations), [Some(quad()), None, Some(quad())]);
+        }
     }
 
     #[test]

@@ -74,8 +74,7 @@ impl Format for Homographies {
                 .find(|file| number.is_some() && target(file.name()) == number);
             match file {
                 Some(file) => {
-                    let moved =
-                        matrix(file)?.map(|m| Region::Corners(homography::apply_corners(&m, &object)));
+                    let moved = matrix(file).map(|m| Region::Corners(homography::apply_corners(&m, &object)));
                     annotations.set(i, file.location(), moved);
                 }
                 None => annotations.fault(DatasetError::new(
@@ -91,8 +90,7 @@ impl Format for Homographies {
     }
 }
 
-/// The matrix in `file`; the inner error is a fault of this one image.
-fn matrix(file: &TruthFile) -> Result<Result<Mat3, DatasetErrorKind>, DatasetError> {
-    let words: Vec<&str> = rows::words(file.text()?).collect();
-    Ok(rows::numbers(&words, 9).map(|v| Mat3::from_row_slice(&v)))
+fn matrix(file: &TruthFile) -> Result<Mat3, DatasetErrorKind> {
+    let words: Vec<&str> = rows::words(file.text().map_err(|e| e.kind)?).collect();
+    Ok(Mat3::from_row_slice(&rows::numbers(&words, 9)?))
 }

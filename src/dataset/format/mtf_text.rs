@@ -36,6 +36,6 @@ impl Format for MtfText {
         truth: &[TruthFile],
         annotations: &mut Annotations,
     ) -> Result<(), DatasetError> {
-        rows::read(&truth[0], ANY, &sequence.frames, annotations)
+        rows::read(&truth[0], ANY, sequence.frames.iter().enumerate(), annotations)
     }
 }

@@ -53,7 +53,7 @@ impl Format for Vot {
         rows::read(
             &truth[0],
             &[POLYGON, BOX, NAMED_CORNERS],
-            &sequence.frames,
+            sequence.frames.iter().enumerate(),
             annotations,
         )
     }
