@@ -18,7 +18,7 @@ pub mod hist;
 mod jacobian;
 mod lanes;
 #[cfg(test)]
-mod lengths;
+mod tests;
 mod normal;
 mod photometric;
 mod pixelwise;
