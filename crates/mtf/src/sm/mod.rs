@@ -1,49 +1,28 @@
 //! Search methods: how the state that maximises the similarity is found.
 //!
-//! One file per method; [`SMS`] is the table that the command line, the documentation and the conformance tests read.
+//! One file per method, in `lk` (gradient searches) or `sampled` (searches that score many states); [`SMS`] is the table that the command line, the documentation and the conformance tests read.
 //! A method is generic over its appearance model and warp: `Iclk<Ssd, Homography>` is one with static types, and the
 //! registry builds the same code over boxed models. May depend on everything below `registry`.
 
-mod esm;
-mod falk;
-mod fclk;
-mod fcsd;
-mod gradient;
-mod haclk;
-mod hesm;
-mod ialk;
-mod iclk;
-mod index;
-mod kit;
-mod light;
-mod mask;
-mod nn;
-mod pf;
-mod probe;
-mod regression;
-mod resample;
-mod ridge;
+mod lk;
+mod sampled;
 mod sampling;
+mod template;
 mod workspace;
 
-pub use esm::{AesmMethod, EsmMethod, EsmParams};
-pub use falk::FalkMethod;
-pub use fclk::FclkMethod;
-pub use fcsd::{FcsdMethod, FcsdParams};
-pub use gradient::{Hessian, Learning, Lk, LkMethod, LkParams};
-pub use haclk::HaclkMethod;
-pub use hesm::{CoarseWarp, HesmMethod, HesmParams};
-pub use ialk::IalkMethod;
-pub use iclk::IclkMethod;
-pub use index::IndexKind;
-pub use kit::Kit;
-pub use mask::{MaskParams, PointRule};
-pub use nn::{Nn, NnParams};
-pub use pf::{Estimate, Likelihood, Pf, PfParams, Step};
-pub(crate) use probe::Probe;
-pub use regression::{Regression, RegressionParams};
-pub use resample::Resampling;
+pub(crate) use sampled::Probe;
+
+pub use lk::{
+    AesmMethod, CoarseWarp, EsmMethod, EsmParams, FalkMethod, FclkMethod, FcsdMethod, FcsdParams,
+    HaclkMethod, HesmMethod, HesmParams, Hessian, IalkMethod, IclkMethod, Kit, Lk, LkMethod, LkParams,
+    MaskParams, PointRule,
+};
+pub use sampled::{
+    Estimate, IndexKind, Likelihood, Nn, NnParams, Pf, PfParams, Regression, RegressionParams, Resampling,
+    Step,
+};
 pub use sampling::{BorderMode, Channels, SamplingParams};
+pub use template::Learning;
 
 /// Forward additive Lucas-Kanade.
 pub type Falk<A, S> = Lk<FalkMethod, A, S>;
@@ -73,18 +52,18 @@ use crate::tracker::Tracker;
 
 /// Every search method of the crate, in the order of the documentation.
 pub const SMS: &[SmEntry] = &[
-    gradient::entry::<FalkMethod>(),
-    gradient::entry::<IalkMethod>(),
-    gradient::entry::<FclkMethod>(),
-    gradient::entry::<IclkMethod>(),
-    gradient::entry::<EsmMethod>(),
-    gradient::entry::<AesmMethod>(),
-    gradient::entry::<HesmMethod>(),
-    gradient::entry::<FcsdMethod>(),
-    gradient::entry::<HaclkMethod>(),
-    nn::ENTRY,
-    pf::ENTRY,
-    regression::ENTRY,
+    lk::entry::<FalkMethod>(),
+    lk::entry::<IalkMethod>(),
+    lk::entry::<FclkMethod>(),
+    lk::entry::<IclkMethod>(),
+    lk::entry::<EsmMethod>(),
+    lk::entry::<AesmMethod>(),
+    lk::entry::<HesmMethod>(),
+    lk::entry::<FcsdMethod>(),
+    lk::entry::<HaclkMethod>(),
+    sampled::NN,
+    sampled::PF,
+    sampled::REGRESSION,
 ];
 
 /// Builds a tracker from assignments and its models.

@@ -1,15 +1,15 @@
 //! What a Lucas-Kanade method works with during an iteration: Jacobians, gradients and Hessians of the current side and
 //! of the template's, with or without an illumination model.
 
-use super::gradient::Hessian;
 use super::light::Light;
-use super::sampling::SamplingParams;
-use super::workspace::Buffers;
+use super::params::Hessian;
 use crate::am::{Curvature, Derivatives, Normal, Side};
 use crate::geom::solve::SymMatrix;
 use crate::geom::{Mat3, homography};
 use crate::image::Image;
 use crate::kernels::Jacobian;
+use crate::sm::sampling::SamplingParams;
+use crate::sm::workspace::Buffers;
 use crate::ssm::{Gradient, ImageHessian, JacobianKind, Points, StateSpaceModel};
 use nalgebra::{Matrix2, Vector2};
 

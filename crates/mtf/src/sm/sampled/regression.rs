@@ -9,14 +9,14 @@
 
 use super::probe::{Probe, number};
 use super::ridge::ridge;
-use super::sampling::SamplingParams;
-use super::workspace::Buffers;
-use super::{SmEntry, SmFamily};
 use crate::am::{AppearanceModel, Metric, PatchShape};
 use crate::geom::{Corners, homography};
 use crate::image::{Frame, Image};
 use crate::kernels;
 use crate::params::{Params, Resolution};
+use crate::sm::sampling::SamplingParams;
+use crate::sm::workspace::Buffers;
+use crate::sm::{SmEntry, SmFamily};
 use crate::ssm::{Increment, Perturbation, SampleUnit, Sampler, SigmaSets, StateSpaceModel};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use rand::SeedableRng;

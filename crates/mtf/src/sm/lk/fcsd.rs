@@ -4,8 +4,10 @@
 //! top of the parabola along the step: `η = (g·d) / (dᵀ (-H) d)` with `d = D⁻¹ g`.
 
 use super::fclk::{Constant, forward, initial_self};
-use super::gradient::{Hessian, LkMethod, dot};
 use super::kit::Kit;
+use super::method::LkMethod;
+use super::params::Hessian;
+use super::relaxation::dot;
 use crate::am::Normal;
 use crate::ssm::{Increment, JacobianKind, StateSpaceModel};
 

@@ -1,8 +1,9 @@
 //! FCLK, forward compositional Lucas-Kanade (Shum & Szeliski 2000): `J = ∇I_t w_x(p) w_p(0)`, gradient `f_t J`,
 //! `p <- p ∘ Δ`.
 
-use super::gradient::{Hessian, LkMethod};
 use super::kit::Kit;
+use super::method::LkMethod;
+use super::params::Hessian;
 use crate::am::{Normal, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::Jacobian;

@@ -5,8 +5,9 @@
 //! gradient and Hessian are `g B` and `Bᵀ H B`.
 
 use super::esm::{EsmParams, HESSIANS, Symmetric};
-use super::gradient::{Hessian, LkMethod};
 use super::kit::Kit;
+use super::method::LkMethod;
+use super::params::Hessian;
 use crate::am::Normal;
 use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::params::{Resolution, param_enum};
@@ -99,7 +100,7 @@ impl HesmMethod {
         let basis = &self.basis;
         self.reduced.fill(|i, j| product(&basis[i], &basis[j]));
         for (g, b) in self.gradient.iter_mut().zip(basis) {
-            *g = super::gradient::dot(&normal.gradient, b);
+            *g = super::relaxation::dot(&normal.gradient, b);
         }
         solve_negative(&self.reduced, 0.0, &self.gradient, &mut self.step, &mut self.work)
     }

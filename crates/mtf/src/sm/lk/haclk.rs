@@ -3,8 +3,9 @@
 //! For analysis: it shows what a method would gain from knowing the Hessian where its search ought to end. `hess=current_self`
 //! is the Gauss-Newton form there, `std` Newton's, with `second_order` its second-order terms.
 
-use super::gradient::{Hessian, LkMethod};
 use super::kit::Kit;
+use super::method::LkMethod;
+use super::params::Hessian;
 use crate::am::{Normal, Side};
 use crate::params::NoParams;
 use crate::ssm::{Increment, JacobianKind, StateSpaceModel};

@@ -2,8 +2,9 @@
 //! `f_0 J0`, by default a constant Hessian, `p <- p ∘ Δ⁻¹`.
 
 use super::fclk::initial_self;
-use super::gradient::{Hessian, LkMethod};
 use super::kit::Kit;
+use super::method::LkMethod;
+use super::params::Hessian;
 use crate::am::{Normal, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::Jacobian;

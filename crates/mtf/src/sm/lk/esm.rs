@@ -6,8 +6,9 @@
 //! with Hessians of one patch, see [`Hessian`].
 
 use super::fclk::initial_self;
-use super::gradient::{Hessian, LkMethod};
 use super::kit::Kit;
+use super::method::LkMethod;
+use super::params::Hessian;
 use crate::am::{Normal, Side};
 use crate::geom::solve::SymMatrix;
 use crate::kernels::Jacobian;

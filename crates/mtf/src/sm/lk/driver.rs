@@ -6,122 +6,20 @@
 use super::kit::{Kit, Template};
 use super::light::Light;
 use super::mask::{Mask, MaskParams};
-use super::sampling::SamplingParams;
-use super::workspace::{Buffers, Workspace};
-use super::{SmEntry, SmFamily};
-use crate::am::{self, AppearanceModel, Capabilities, Normal};
+use super::method::LkMethod;
+use super::params::{Hessian, LkParams};
+use super::relaxation::{Relaxation, dot};
+use crate::am::{self, AppearanceModel, Normal};
 use crate::geom::Corners;
 use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::ilm::IlluminationModel;
 use crate::image::{Frame, Image};
-use crate::params::{Assignment, Built, ParamError, ParamValue, Params, param_enum};
+use crate::params::Params;
+use crate::sm::sampling::SamplingParams;
+use crate::sm::template::{KEEP_BASE, check_template};
+use crate::sm::workspace::{Buffers, Workspace};
 use crate::ssm::{self, Increment, StateSpaceModel, motion_squared};
 use crate::tracker::{NeedsTruth, Stop, TrackError, Tracker, Update};
-
-param_enum! {
-    /// Where the Hessian comes from. `J0`, `J`: Jacobian of the template, of the current patch.
-    pub enum Hessian {
-        /// The method's own default.
-        Auto = "auto",
-        /// Self Hessian of the template with `J0`, computed once.
-        InitialSelf = "initial_self",
-        /// Self Hessian of the current patch with `J`.
-        CurrentSelf = "current_self",
-        /// Hessian of the similarity as it stands.
-        Std = "std",
-        /// ESM: mean of the two self Hessians.
-        SumOfSelf = "sum_of_self",
-        /// ESM: Hessian of the current side with the mean Jacobian.
-        Original = "original",
-        /// ESM: mean of the Hessians of both sides.
-        SumOfStd = "sum_of_std",
-    }
-}
-
-param_enum! {
-    /// Whether the appearance model learns from tracked frames.
-    pub enum Learning {
-        /// If the model is of little use without.
-        Auto = "auto",
-        /// No.
-        Off = "0",
-        /// Yes.
-        On = "1",
-    }
-}
-
-impl Learning {
-    /// Whether `am` is to learn.
-    pub(super) fn wanted<A: AppearanceModel>(self, am: &mut A) -> bool {
-        match self {
-            Learning::Auto => am.learner().is_some_and(|model| model.needs_learning()),
-            Learning::Off => false,
-            Learning::On => true,
-        }
-    }
-}
-
-crate::params! {
-    /// Parameters of all gradient search methods.
-    pub struct LkParams {
-        /// Most iterations per frame.
-        max_iters: usize = 30, in 1..=100_000;
-        /// Converged when the corners' squared motion, summed over all eight coordinates, falls below this; px².
-        epsilon: f64 = 1e-4, in 0.0..=1e6;
-        /// Hessian: auto (the method's own default), initial_self, current_self, std; ESM also sum_of_self, original, sum_of_std.
-        hess: Hessian = Hessian::Auto;
-        /// Second-order terms in std Hessians.
-        second_order: bool = false;
-        /// Levenberg-Marquardt damping, steps accepted by the similarity (centred models: by the size of the gradient).
-        leven_marq: bool = false;
-        /// Levenberg-Marquardt: initial damping.
-        lm_init: f64 = 0.01, in 1e-10..=1e10;
-        /// Levenberg-Marquardt: factor of the damping.
-        lm_factor: f64 = 10.0, in 1.01..=1e6;
-        /// Compositional Jacobians from the image's gradient carried through the warp (1), or from differences of the warped
-        /// image (0).
-        chained_warp: bool = true;
-        /// The appearance model learns from each tracked frame: auto (models that need it), 0 or 1.
-        enable_learning: Learning = Learning::Auto;
-    }
-}
-
-/// One of the Lucas-Kanade family.
-pub trait LkMethod: Send + Sized + 'static {
-    /// Parameters of its own.
-    type Extra: Params;
-    /// Name.
-    const NAME: &'static str;
-    /// Other names.
-    const ALIASES: &'static [&'static str];
-    /// One line for `list sm`.
-    const SUMMARY: &'static str;
-    /// Hessians it allows, its default first.
-    const HESSIANS: &'static [Hessian];
-    /// How its step is applied.
-    const INCREMENT: Increment;
-    /// Groups that include it.
-    const GROUPS: &'static [&'static str] = &["gradient"];
-    /// Searches per frame, each until it converges.
-    const STAGES: usize = 1;
-    /// Whether it must be told the ground truth of each frame.
-    const NEEDS_TRUTH: bool = false;
-
-    /// Builds it.
-    fn new(extra: Self::Extra) -> Self;
-    /// Whether iterations read image gradients at the current points.
-    fn reads_gradient(hess: Hessian) -> bool;
-    /// Computes what stays constant while the template and the base frame do.
-    fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>);
-    /// Told which of its searches of a frame begins.
-    fn begin_stage(&mut self, _stage: usize) {}
-    /// Shown the frame with the patch and the state of the ground truth, before the search.
-    fn visit_truth<S: StateSpaceModel>(&mut self, _kit: &mut Kit<'_, S>) {}
-    /// Gradient and Hessian at the current state.
-    fn linearise<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>, out: &mut Normal);
-    /// Bytes kept between frames.
-    fn memory(&self) -> usize;
-}
 
 /// A Lucas-Kanade tracker: method `M` over appearance model `A` and warp `S`.
 pub struct Lk<M, A, S> {
@@ -147,8 +45,6 @@ pub struct Lk<M, A, S> {
     started: bool,
 }
 
-/// Largest RMS misfit, px, at which `set_region` keeps the base frame.
-pub(super) const KEEP_BASE: f64 = 0.5;
 /// What a gradient search says of a model without derivatives.
 const NO_DERIVATIVES: TrackError = TrackError::Unable("the appearance model has no derivatives");
 /// Damping bounds.
@@ -457,61 +353,6 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
     }
 }
 
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Length of steps for models without a merit function, whose Hessian is that of perfect alignment: far from it, and under
-/// blur, the gradient changes less along a step than the Hessian says, sometimes more.
-///
-/// A step of `gain` times Newton's that leaves the share `s` of the slope along itself has met `(1 - s)/gain` of the curvature
-/// expected; the next step is as many times longer as that is too small (Aitken's relaxation), within bounds.
-struct Relaxation {
-    gain: f64,
-    /// Slope along the last step at its start.
-    promise: f64,
-}
-
-impl Default for Relaxation {
-    fn default() -> Self {
-        Relaxation {
-            gain: 1.0,
-            promise: 0.0,
-        }
-    }
-}
-
-impl Relaxation {
-    const GAIN: std::ops::RangeInclusive<f64> = 0.5..=2.0;
-
-    /// Takes the slope that is left along the last step.
-    fn adapt(&mut self, slope: f64) {
-        let met = 1.0 - slope / self.promise;
-        let (low, high) = (*Self::GAIN.start(), *Self::GAIN.end());
-        self.gain = if met.is_nan() {
-            1.0
-        } else if met * high <= self.gain {
-            high
-        } else {
-            (self.gain / met).max(low)
-        };
-    }
-}
-
-/// Refuses patches on which nothing can be tracked.
-pub(super) fn check_template(values: &[f32]) -> Result<(), TrackError> {
-    if values.iter().any(|v| !v.is_finite()) {
-        return Err(TrackError::NotFinite("template"));
-    }
-    let (low, high) = values
-        .iter()
-        .fold((f32::MAX, f32::MIN), |(l, h), &v| (l.min(v), h.max(v)));
-    if high - low < 1e-3 {
-        return Err(TrackError::Template("flat patch"));
-    }
-    Ok(())
-}
-
 impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S> {
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         self.started = false;
@@ -651,72 +492,4 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> NeedsTruth for Lk<M, A
     fn tell_truth(&mut self, corners: &Corners) {
         self.truth = Some(*corners);
     }
-}
-
-/// Common parameters and those of the method.
-type AllParams<M> = (((SamplingParams, LkParams), MaskParams), <M as LkMethod>::Extra);
-
-fn parse<M: LkMethod>(assignments: &[Assignment<'_>]) -> Built<AllParams<M>> {
-    let params = AllParams::<M>::from_assignments(assignments)?;
-    let hess = params.0.0.1.hess;
-    if hess != Hessian::Auto && !M::HESSIANS.contains(&hess) {
-        return Err(ParamError::Value {
-            name: "hess",
-            value: hess.text(),
-            allowed: M::HESSIANS
-                .iter()
-                .map(ParamValue::text)
-                .collect::<Vec<_>>()
-                .join(", "),
-        });
-    }
-    Ok(params)
-}
-
-fn build<M: LkMethod, A: AppearanceModel, S: StateSpaceModel>(
-    assignments: &[Assignment<'_>],
-    am: A,
-    ssm: S,
-) -> Built<Lk<M, A, S>> {
-    let (((sampling, params), mask), extra) = parse::<M>(assignments)?;
-    let mut lk = Lk::with_params(sampling, params, extra, am, ssm);
-    lk.mask = mask;
-    Ok(lk)
-}
-
-/// What a model lacks.
-fn refuses(assignments: &[Assignment<'_>], am: &Capabilities) -> Option<&'static str> {
-    let selects = MaskParams::default().spi.text();
-    let selects = assignments.iter().any(|(k, v)| *k == "spi" && *v != selects);
-    if !am.derivatives {
-        Some("has no derivatives")
-    } else {
-        (selects && !am.masks).then_some("has no weights of single pixels")
-    }
-}
-
-/// The table row of method `M`.
-pub(super) const fn entry<M: LkMethod>() -> SmEntry {
-    SmEntry::new::<AllParams<M>>(
-        M::NAME,
-        M::SUMMARY,
-        |a, am, ssm| Ok(Box::new(build::<M, _, _>(a, am, ssm)?)),
-        SmFamily {
-            refuses,
-            refuses_ssm: |ssm| match M::INCREMENT {
-                Increment::Compositional if !ssm.compositional => Some("does not compose"),
-                Increment::InverseCompositional if !(ssm.compositional && ssm.invertible) => {
-                    Some("does not compose and has no inverses")
-                }
-                _ => None,
-            },
-            build_lit: Some(|a, am, ssm, light| {
-                Ok(Box::new(build::<M, _, _>(a, am, ssm)?.with_illumination(light)))
-            }),
-            ..SmFamily::UNDEMANDING
-        },
-    )
-    .also(M::ALIASES)
-    .in_groups(M::GROUPS)
-    .checked(|a, name| Ok(parse::<M>(a)?.get(name)))
 }

@@ -5,16 +5,17 @@
 //! share of all: the same for every appearance model, whatever the scale of its `f`. With several passes per frame each
 //! one searches around the last with smaller steps.
 
-use super::gradient::Learning;
 use super::probe::Probe;
 use super::resample::{Resampling, effective, resample, temper};
-use super::sampling::SamplingParams;
-use super::workspace::Buffers;
-use super::{SmEntry, SmFamily};
+use super::step::Step;
 use crate::am::{self, AppearanceModel};
 use crate::geom::Corners;
 use crate::image::{Frame, Image};
 use crate::params::{Params, param_enum};
+use crate::sm::sampling::SamplingParams;
+use crate::sm::template::Learning;
+use crate::sm::workspace::Buffers;
+use crate::sm::{SmEntry, SmFamily};
 use crate::ssm::{
     Dynamics, Increment, Mean, Perturbation, SampleUnit, Sampler, SigmaSets, StateSpaceModel, mean_into,
 };
@@ -48,16 +49,6 @@ param_enum! {
         Corners = "corners",
         /// Weighted mean in the matrix group.
         Group = "group",
-    }
-}
-
-param_enum! {
-    /// How a step changes a state.
-    pub enum Step {
-        /// Added to it.
-        Additive = "additive",
-        /// Composed with it (warps that do not compose: added).
-        Compositional = "compositional",
     }
 }
 

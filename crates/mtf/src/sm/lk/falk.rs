@@ -1,8 +1,9 @@
 //! FALK, forward additive Lucas-Kanade (Lucas & Kanade 1981): `J = ∇I_t w_p(p)`, gradient `f_t J`, `p <- p + Δ`.
 
 use super::fclk::{Constant, forward, initial_self};
-use super::gradient::{Hessian, LkMethod};
 use super::kit::Kit;
+use super::method::LkMethod;
+use super::params::Hessian;
 use crate::am::Normal;
 use crate::params::NoParams;
 use crate::ssm::{Increment, JacobianKind, StateSpaceModel};

@@ -5,17 +5,17 @@
 //! (the local reconstruction of Roweis & Saul 2000), and the same combination of their increments is applied.
 
 use super::index::{Features, Index, IndexKind, IndexSettings, Judge, Nearest};
-use super::pf::Step;
 use super::probe::Probe;
-use super::sampling::SamplingParams;
-use super::workspace::Buffers;
-use super::{SmEntry, SmFamily};
+use super::step::Step;
 use crate::am::{AppearanceModel, Capabilities, Metric};
 use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::geom::{Corners, homography};
 use crate::image::{Frame, Image};
 use crate::kernels;
 use crate::params::{Assignment, Built, ParamError, ParamValue, Params};
+use crate::sm::sampling::SamplingParams;
+use crate::sm::workspace::Buffers;
+use crate::sm::{SmEntry, SmFamily};
 use crate::ssm::{Dynamics, Increment, Perturbation, SampleUnit, Sampler, SigmaSets, StateSpaceModel};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use rand::SeedableRng;

@@ -4,8 +4,9 @@
 //! The gradient is taken on the template side because `J` is made of template gradients; for SSD and ZNCC this is the
 //! same as `f_t J`.
 
-use super::gradient::{Hessian, LkMethod};
 use super::kit::Kit;
+use super::method::LkMethod;
+use super::params::Hessian;
 use crate::am::{Normal, Side};
 use crate::params::NoParams;
 use crate::ssm::{Increment, JacobianKind, StateSpaceModel};

@@ -1,11 +1,11 @@
 //! What the methods that score many states share: template, patch at the present state, region.
 
-use super::gradient::{KEEP_BASE, check_template};
-use super::sampling::SamplingParams;
-use super::workspace::{Buffers, Workspace};
 use crate::am::{self, AppearanceModel, Distances};
 use crate::geom::{Corners, Mat3};
 use crate::image::Image;
+use crate::sm::sampling::SamplingParams;
+use crate::sm::template::{KEEP_BASE, check_template};
+use crate::sm::workspace::{Buffers, Workspace};
 use crate::ssm::{self, Dynamics, Increment, Sampler, StateSpaceModel};
 use crate::tracker::TrackError;
 use rand_pcg::Pcg64;

@@ -9,10 +9,10 @@
 //! When fewer than four points per parameter, or a tenth of all, remain, all are used. Of several channels, `pixel` asks all
 //! of them, `gradient` any; corners are those of the channels' summed structure tensors.
 
-use super::workspace::Buffers;
 use crate::am::{AppearanceModel, PatchShape};
 use crate::kernels;
 use crate::params::param_enum;
+use crate::sm::workspace::Buffers;
 use crate::tracker::TrackError;
 
 param_enum! {
