@@ -58,19 +58,16 @@ fn laws(checks: &mut Checks, entry: &IlmEntry, pair: &PatchPair, seed: u64) {
     derivatives(checks, &*light, raw, &place);
 
     // Increments on both sides, and states that are refused.
-    let delta: Vec<f64> = random_light(&*light, &mut r).iter().map(|d| 1e-3 * d).collect();
+    let delta: Vec<f64> = random_light(&*light, &mut r).iter().map(|d| 0.01 * d).collect();
     let sum: Vec<f64> = a.iter().zip(&delta).map(|(a, d)| a + d).collect();
     checks.succeeds("step", light.step(&delta));
     let mut worst = Worst::default();
     worst.add_all(light.state(), &sum);
     checks.at_most(format!("step, {place}"), worst.0, 1e-12);
+    let [none, some] = [&sum, &a].map(|from| light.change_squared(from));
     checks.holds(
-        format!("change since its own state is 0, {place}"),
-        light.change_squared(&sum) == 0.0,
-    );
-    checks.holds(
-        format!("change since another state, {place}"),
-        light.change_squared(&a) > 0.0,
+        format!("change since a state, {place}"),
+        none == 0.0 && some > 0.0,
     );
     checks.succeeds("state", light.set_state(&a));
     checks.succeeds("inverse step", light.step_inverse(&delta));
@@ -78,10 +75,15 @@ fn laws(checks: &mut Checks, entry: &IlmEntry, pair: &PatchPair, seed: u64) {
     checks.succeeds("state", light.set_state(&delta));
     let mut expected = vec![f32::NAN; n];
     light.unlight(&seen, &mut expected);
-    // To first order in an increment of a thousandth of the state, in gray levels.
-    let mut worst = Worst::default();
-    worst.add_all(&stepped, &expected);
-    checks.at_most(format!("inverse step, {place}"), worst.0, 2e-2);
+    // Fields compose to first order, so that part of the change is left where the light differs from place to place.
+    let [mut error, mut change] = [(); 2].map(|()| Worst::default());
+    error.add_all(&stepped, &expected);
+    change.add_all(&stepped, &seen);
+    checks.at_most(
+        format!("inverse step, share of the change, {place}"),
+        error.0 / change.0,
+        0.3,
+    );
     checks.succeeds("state", light.set_state(&a));
     let refused = light.set_state(&vec![f64::NAN; a.len()]).is_err();
     checks.holds(format!("NaN is refused, {place}"), refused && light.state() == a);
