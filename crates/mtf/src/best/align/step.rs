@@ -1,4 +1,10 @@
 //! Robust Gauss-Newton steps at one level of the pyramid.
+//!
+//! This is a second ESM beside that of `sm`, for two reasons. Blocks that are weighed whole need their own Gram matrices,
+//! and a start is judged and given up before it costs fine levels. With the shared ESM in its place
+//! (`pyramid(esm/zncc/homography{res=60x60}; levels=4)`, thirteen sequences of `scripts/best`, 403 frames) `best` takes
+//! 13.3 ms of the processor per frame instead of 7.5, decoding included; 93.8 % of the frames are within 5 px instead of
+//! 96.0 %, and the mean error is 1.24 px instead of 1.02.
 
 use super::Aligner;
 use crate::best::constants::K;
