@@ -92,7 +92,8 @@ impl Score {
         let figure = |(index, figure): (usize, &Figure)| {
             let values = scored.iter().map(|s| s.values[index]);
             match figure.kind {
-                Kind::Count => values.sum(),
+                // The sum of nothing would be -0.
+                Kind::Count => values.fold(0.0, |sum, value| sum + value),
                 Kind::Number => {
                     let defined: Vec<f64> = values.filter(|v| !v.is_nan()).collect();
                     round6(defined.iter().sum::<f64>() / defined.len() as f64)
