@@ -12,6 +12,8 @@ use std::f64::consts::PI;
 
 /// Coordinates of a Lie algebra of 3x3 matrices.
 pub trait LieBasis: Clone + Default + Send + 'static {
+    /// The same warps in other parameters: their matrices are fitted to points alike.
+    type Group: ProjectiveModel;
     /// Name of the model.
     const NAME: &'static str;
     /// Other names.
@@ -20,8 +22,6 @@ pub trait LieBasis: Clone + Default + Send + 'static {
     const SUMMARY: &'static str;
     /// Dimension S.
     const DOF: usize;
-    /// Point pairs that determine a state.
-    const MIN_POINTS: usize;
     /// True when matrices are known up to scale and normalised to determinant 1 before the logarithm.
     const UNIT_DETERMINANT: bool;
 
@@ -29,16 +29,6 @@ pub trait LieBasis: Clone + Default + Send + 'static {
     fn algebra(p: &[f64]) -> Mat3;
     /// Coordinates of a matrix of the algebra.
     fn coordinates(l: &Mat3, p: &mut [f64]);
-    /// Least-squares matrix of the group for point pairs.
-    fn fit(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3>;
-    /// The same for `MIN_POINTS` pairs.
-    fn minimal(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
-        Self::fit(from, to)
-    }
-    /// Least-squares reprojection error from a start.
-    fn refine(_m: &Mat3, from: &[[f64; 2]], to: &[[f64; 2]], _iterations: usize) -> Option<Mat3> {
-        Self::fit(from, to)
-    }
 }
 
 /// The projective model of a basis.
@@ -100,7 +90,7 @@ impl<B: LieBasis> ProjectiveModel for LieModel<B> {
     const ALIASES: &'static [&'static str] = B::ALIASES;
     const SUMMARY: &'static str = B::SUMMARY;
     const DOF: usize = B::DOF;
-    const MIN_POINTS: usize = B::MIN_POINTS;
+    const MIN_POINTS: usize = B::Group::MIN_POINTS;
 
     fn new(_: NoParams) -> Self {
         LieModel::default()
@@ -156,13 +146,13 @@ impl<B: LieBasis> ProjectiveModel for LieModel<B> {
         })
     }
     fn fit_matrix(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
-        B::fit(from, to)
+        B::Group::default().fit_matrix(from, to)
     }
     fn minimal(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
-        B::minimal(from, to)
+        B::Group::default().minimal(from, to)
     }
     fn refine(&self, m: &Mat3, from: &[[f64; 2]], to: &[[f64; 2]], iterations: usize) -> Option<Mat3> {
-        B::refine(m, from, to, iterations)
+        B::Group::default().refine(m, from, to, iterations)
     }
 }
 

@@ -1,19 +1,19 @@
 //! Affine in aff(2): `A(q) = [q0+q1 q3-q2 q4; q2+q3 q0-q1 q5; 0 0 0]`.
 
+use super::affine::AffineModel;
 use super::lie::LieBasis;
 use crate::geom::Mat3;
-use crate::geom::fit::Moments;
 
 /// Basis of [`super::LieAffine`].
 #[derive(Clone, Debug, Default)]
 pub struct LieAffineBasis;
 
 impl LieBasis for LieAffineBasis {
+    type Group = AffineModel;
     const NAME: &'static str = "lieaffine";
     const ALIASES: &'static [&'static str] = &["laff", "l6"];
     const SUMMARY: &'static str = "affine as the exponential of its Lie algebra";
     const DOF: usize = 6;
-    const MIN_POINTS: usize = 3;
     const UNIT_DETERMINANT: bool = false;
 
     fn algebra(q: &[f64]) -> Mat3 {
@@ -39,8 +39,5 @@ impl LieBasis for LieAffineBasis {
             l[(0, 2)],
             l[(1, 2)],
         ]);
-    }
-    fn fit(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
-        Moments::new(from, to)?.affine()
     }
 }

@@ -1,18 +1,19 @@
 //! Homography in sl(3), elementary basis: `A(q) = [q0 q1 q2; q3 q4-q0 q5; q6 q7 -q4]`.
 
+use super::homography::HomographyModel;
 use super::lie::LieBasis;
-use crate::geom::{Mat3, homography};
+use crate::geom::Mat3;
 
 /// Basis of [`super::LieHomography`].
 #[derive(Clone, Debug, Default)]
 pub struct LieHomographyBasis;
 
 impl LieBasis for LieHomographyBasis {
+    type Group = HomographyModel;
     const NAME: &'static str = "liehomography";
     const ALIASES: &'static [&'static str] = &["lhom", "l8"];
     const SUMMARY: &'static str = "homography as the exponential of sl(3), elementary basis";
     const DOF: usize = 8;
-    const MIN_POINTS: usize = 4;
     const UNIT_DETERMINANT: bool = true;
 
     fn algebra(q: &[f64]) -> Mat3 {
@@ -29,14 +30,5 @@ impl LieBasis for LieHomographyBasis {
             l[(2, 0)],
             l[(2, 1)],
         ]);
-    }
-    fn fit(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
-        homography::from_points(from, to)
-    }
-    fn minimal(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
-        homography::from_four(from, to)
-    }
-    fn refine(m: &Mat3, from: &[[f64; 2]], to: &[[f64; 2]], iterations: usize) -> Option<Mat3> {
-        homography::refine(m, from, to, iterations)
     }
 }

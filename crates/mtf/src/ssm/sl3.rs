@@ -1,19 +1,20 @@
 //! Homography in sl(3), geometric basis (Benhimane & Malis 2007; Kwon 2013):
 //! `A(q) = [q0 q3-q2 q4; q3+q2 -q0-q1 q5; q6 q7 q1]`.
 
+use super::homography::HomographyModel;
 use super::lie::LieBasis;
-use crate::geom::{Mat3, homography};
+use crate::geom::Mat3;
 
 /// Basis of [`super::Sl3`].
 #[derive(Clone, Debug, Default)]
 pub struct Sl3Basis;
 
 impl LieBasis for Sl3Basis {
+    type Group = HomographyModel;
     const NAME: &'static str = "sl3";
     const ALIASES: &'static [&'static str] = &[];
     const SUMMARY: &'static str = "homography as the exponential of sl(3), geometric basis";
     const DOF: usize = 8;
-    const MIN_POINTS: usize = 4;
     const UNIT_DETERMINANT: bool = true;
 
     fn algebra(q: &[f64]) -> Mat3 {
@@ -40,14 +41,5 @@ impl LieBasis for Sl3Basis {
             l[(2, 0)],
             l[(2, 1)],
         ]);
-    }
-    fn fit(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
-        homography::from_points(from, to)
-    }
-    fn minimal(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
-        homography::from_four(from, to)
-    }
-    fn refine(m: &Mat3, from: &[[f64; 2]], to: &[[f64; 2]], iterations: usize) -> Option<Mat3> {
-        homography::refine(m, from, to, iterations)
     }
 }

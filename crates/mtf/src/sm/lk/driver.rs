@@ -14,7 +14,6 @@ use crate::geom::Corners;
 use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::ilm::IlluminationModel;
 use crate::image::{Frame, Image};
-use crate::params::Params;
 use crate::sm::sampling::SamplingParams;
 use crate::sm::template::{KEEP_BASE, check_template};
 use crate::sm::workspace::{Buffers, Workspace};
