@@ -101,7 +101,7 @@ fn a_format_of_ones_own() {
         "{unknown}"
     );
 
-    let formats = Formats::builtin().add(CornersJson);
+    let formats = Formats::builtin().with(CornersJson);
     let options = LoadOptions {
         formats: formats.clone(),
         on_bad_data: dataset::OnBadData::Skip,

@@ -64,8 +64,8 @@ pub const PROGRAM: &str = "MTF_EVAL_TEST_METRIC_EXPORTER";
 /// The program with the additions.
 pub fn program() -> ExitCode {
     mtf_eval::cli::main(Catalogue {
-        metrics: MetricSet::builtin().add(ANGLE).unwrap(),
-        exporters: Exporters::builtin().add(Ranking).unwrap(),
+        metrics: MetricSet::builtin().with(ANGLE).unwrap(),
+        exporters: Exporters::builtin().with(Ranking).unwrap(),
         ..Catalogue::builtin()
     })
 }

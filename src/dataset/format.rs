@@ -1,7 +1,7 @@
 //! Formats of datasets: where the parts of a sequence lie, and what its ground truth says.
 //!
 //! A format is an implementation of [`Format`]. One of the project's own is a file in `format/` and a line in
-//! [`Formats::builtin`]; a program adds its own with [`Formats::add`]. What formats share is beside them: rows of
+//! [`Formats::builtin`]; a program adds its own with [`Formats::with`]. What formats share is beside them: rows of
 //! numbers in [`rows`](super::rows), dense truth in `groundtruth_grid.csv`, tags in `tags.txt` and `meta.json` (these
 //! two are read whatever the format). Depends on `geom` and on where files come from.
 
@@ -100,7 +100,7 @@ impl Formats {
     }
 
     /// With another one, which is tried before those that are there.
-    pub fn add(mut self, format: impl Format + 'static) -> Self {
+    pub fn with(mut self, format: impl Format + 'static) -> Self {
         self.0.insert(0, Arc::new(format));
         self
     }

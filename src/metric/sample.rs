@@ -305,7 +305,7 @@ mod tests {
             tolerance: None,
             definition: Definition::Corners(|_, _| 1.0),
         };
-        let metrics = MetricSet::builtin().add(overlap).unwrap();
+        let metrics = MetricSet::builtin().with(overlap).unwrap();
         let row = |v: f64| Some(vec![0.0, 0.0, 0.0, 0.0, v]);
         let errors = Errors::from_rows(&metrics, &[row(0.9), row(0.5), None, row(1.0)], &[]).unwrap();
         let sample = Sample::new(&metrics, [&errors]);

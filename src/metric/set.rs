@@ -153,7 +153,7 @@ impl MetricSet {
     ///
     /// # Errors
     /// Its name cannot be a column or is taken, or its numbers make no sense.
-    pub fn add(&self, metric: Metric) -> Result<MetricSet, MetricError> {
+    pub fn with(&self, metric: Metric) -> Result<MetricSet, MetricError> {
         let valid = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
         if !metric.name.starts_with(|c: char| c.is_ascii_lowercase()) || !metric.name.chars().all(valid) {
             return Err(MetricError::Name(metric.name));
@@ -256,11 +256,11 @@ mod tests {
     fn names_are_columns_of_their_own() {
         let set = MetricSet::builtin();
         for name in ["", "2d", "Angle", "a b", "a,b"] {
-            assert_eq!(set.add(named(name)).unwrap_err(), MetricError::Name(name));
+            assert_eq!(set.with(named(name)).unwrap_err(), MetricError::Name(name));
         }
         for name in ["al", "grid", "frames", "similarity", "tracker", "auc"] {
             assert_eq!(
-                set.add(named(name)).unwrap_err(),
+                set.with(named(name)).unwrap_err(),
                 MetricError::Taken(name.to_owned())
             );
         }
@@ -268,11 +268,11 @@ mod tests {
             steps_per_unit: 0.0,
             ..named("angle")
         };
-        assert_eq!(set.add(steps).unwrap_err(), MetricError::Range("angle"));
-        let set = set.add(named("angle")).unwrap();
+        assert_eq!(set.with(steps).unwrap_err(), MetricError::Range("angle"));
+        let set = set.with(named("angle")).unwrap();
         assert_eq!(set.added_names(), ["angle"]);
         assert_eq!(set.metric("angle"), set.metrics().last());
-        assert!(set.figure("angle_mean").is_some() && set.add(named("angle")).is_err());
+        assert!(set.figure("angle_mean").is_some() && set.with(named("angle")).is_err());
     }
 
     #[test]

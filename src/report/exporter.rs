@@ -80,7 +80,7 @@ impl Exporters {
     ///
     /// # Errors
     /// Its file cannot have that name.
-    pub fn add(&self, exporter: impl Exporter + 'static) -> Result<Exporters, ExporterError> {
+    pub fn with(&self, exporter: impl Exporter + 'static) -> Result<Exporters, ExporterError> {
         let file = exporter.file();
         let hidden = file.starts_with('.') || file.ends_with(".tmp");
         if file.is_empty() || hidden || file.contains(['/', '\\']) {
@@ -184,15 +184,15 @@ mod tests {
     #[test]
     fn files_of_a_programs_own() {
         for name in ["", "a/b", "..", ".lock", "a.tmp"] {
-            let refused = Exporters::builtin().add(Named(name)).unwrap_err();
+            let refused = Exporters::builtin().with(Named(name)).unwrap_err();
             assert_eq!(refused, ExporterError::Name(name.to_owned()));
         }
         for name in ["summary.csv", "run.json", "frames"] {
-            let refused = Exporters::builtin().add(Named(name)).unwrap_err();
+            let refused = Exporters::builtin().with(Named(name)).unwrap_err();
             assert_eq!(refused, ExporterError::Taken(name.to_owned()));
         }
-        let exporters = Exporters::builtin().add(Named("own.txt")).unwrap();
-        assert!(exporters.add(Named("own.txt")).is_err());
+        let exporters = Exporters::builtin().with(Named("own.txt")).unwrap();
+        assert!(exporters.with(Named("own.txt")).is_err());
         let dir = tempfile::tempdir().unwrap();
         exporters
             .write(dir.path(), &example::results(), &About::default())

@@ -17,8 +17,6 @@ mod hamming;
 pub mod hist;
 mod jacobian;
 mod lanes;
-#[cfg(test)]
-mod tests;
 mod normal;
 mod photometric;
 mod pixelwise;
@@ -29,6 +27,8 @@ mod sample;
 mod scan;
 mod steepest;
 pub mod stencil;
+#[cfg(test)]
+mod tests;
 mod tone;
 mod warp;
 
