@@ -39,6 +39,11 @@ struct GemanMcClure {
 }
 
 impl GemanMcClure {
+    /// `e²/(1 + e²/c²)`, gray levels squared.
+    fn loss(&self, e: f64) -> f64 {
+        e * e / (1.0 + (e / self.params.fade).powi(2))
+    }
+
     /// Weight of a residual: `f' = -w e` with `w = 1/(1 + e²/c²)²`.
     fn weight(&self, e: f64) -> f64 {
         (1.0 + (e / self.params.fade).powi(2)).powi(-2)
@@ -90,8 +95,7 @@ impl AppearanceModel for GemanMcClure {
             .iter_mut()
             .zip(pairs)
             .for_each(|(e, (i, t))| *e = i - t);
-        let loss = |e: f64| e * e / (1.0 + (e / self.params.fade).powi(2));
-        self.f = -0.5 * self.residual.iter().map(|&e| loss(e.into())).sum::<f64>();
+        self.f = -0.5 * self.residual.iter().map(|&e| self.loss(e.into())).sum::<f64>();
     }
     fn similarity(&self) -> f64 {
         self.f
@@ -132,7 +136,7 @@ impl Derivatives for GemanMcClure {
 
 impl Distances for GemanMcClure {
     fn metric(&self) -> Metric {
-        Metric::SquaredL2
+        Metric::Other
     }
     fn feature_len(&self) -> usize {
         self.template.len()
@@ -140,15 +144,19 @@ impl Distances for GemanMcClure {
     fn feature_into(&self, patch: &[f32], out: &mut [f32]) {
         out.copy_from_slice(patch);
     }
+    /// The loss itself, so that the nearest patch is the most similar one.
+    fn distance(&self, query: &[f32], stored: &[f32], _: f32) -> f32 {
+        let pairs = query.iter().zip(stored);
+        pairs.map(|(q, s)| self.loss((q - s).into())).sum::<f64>() as f32
+    }
 }
 
 impl Reference for GemanMcClure {
     fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64 {
-        let loss = |e: f64| e * e / (1.0 + (e / self.params.fade).powi(2));
         -0.5 * template
             .iter()
             .zip(current)
-            .map(|(t, i)| loss(i - t))
+            .map(|(t, i)| self.loss(i - t))
             .sum::<f64>()
     }
 }

@@ -128,7 +128,7 @@ fn an_added_metric_is_everywhere() {
             assert_eq!(fields.join(","), plain);
         }
     }
-    let log = read(&dir.join("a/frames/esm_ssd_homography/data/seq0.csv"));
+    let log = read(&dir.join("a/frames/esm-ssd-homography/data/seq0.csv"));
     let header = log.lines().next().unwrap();
     assert!(
         header.ends_with(",jaccard,angle,iterations,similarity"),

@@ -483,7 +483,7 @@ fn unusable_arguments_are_refused_with_the_reason() {
     for (words, reason) in [
         (vec![out, "--size", "320"], "320x240"),
         (vec![out, "--size", "100000x2"], "must lie in"),
-        (vec![out, "--texture", "foilage"], "did you mean foliage"),
+        (vec![out, "--texture", "foilage"], "did you mean 'foliage'"),
         (
             vec![out, "--image", "/nowhere/x.png"],
             "cannot read image /nowhere/x.png",

@@ -143,25 +143,37 @@ pub fn appearance(
     dof: usize,
     seed: u64,
 ) -> Result<Vec<Check>, DiagnoseError> {
-    appearance_with(entry, plain(entry)?, pair, dof, seed)
+    let am = (entry.build)(plain(entry)?)?;
+    appearance_of(am, entry.name, pair, dof, seed)
 }
 
-/// The same of a model with parameters that differ from the defaults.
+/// The same of a model with parameters that differ from the defaults, which may be made of those `known`.
 pub fn appearance_with(
     entry: &AmEntry,
     params: &[Assignment<'_>],
+    known: &[AmEntry],
     pair: &PatchPair,
     dof: usize,
     seed: u64,
 ) -> Result<Vec<Check>, DiagnoseError> {
-    let mut am = (entry.build)(params)?;
+    appearance_of(entry.model(params, known)?, entry.name, pair, dof, seed)
+}
+
+fn appearance_of(
+    mut am: Box<dyn AppearanceModel>,
+    name: &str,
+    pair: &PatchPair,
+    dof: usize,
+    seed: u64,
+) -> Result<Vec<Check>, DiagnoseError> {
+    let mut equal = am.clone();
     am.set_template(pair.shape, &pair.template)
-        .map_err(failed(entry.name))?;
+        .map_err(failed(name))?;
     am.set_current(&pair.current);
     let mut out = Vec::new();
     let mut check = |quantity: String, error: f64, tolerance: f64| {
         out.push(Check {
-            subject: entry.name.to_owned(),
+            subject: name.to_owned(),
             quantity,
             error,
             tolerance,
@@ -169,7 +181,7 @@ pub fn appearance_with(
     };
     let (template, current) = (wide(&pair.template), wide(&pair.current));
     if am.reference().is_none() {
-        return Err(failed(entry.name)(NO_REFERENCE));
+        return Err(failed(name)(NO_REFERENCE));
     }
     let f = similarity_of(&*am, &template, &current);
     check("f".into(), relative(std::iter::once((am.similarity(), f))), 1e-5);
@@ -239,8 +251,7 @@ pub fn appearance_with(
         };
         let standard = hessian(&|x| of_patch(&*am, x));
         // The self Hessian is that of a model whose template is this patch.
-        let mut equal = (entry.build)(params)?;
-        equal.set_template(pair.shape, own).map_err(failed(entry.name))?;
+        equal.set_template(pair.shape, own).map_err(failed(name))?;
         equal.set_current(own);
         let own_hessian = hessian(&|x| similarity_of(&*equal, &own_wide, x));
         for (curvature, numeric, what) in [

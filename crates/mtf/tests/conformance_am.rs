@@ -69,7 +69,7 @@ fn derivatives_hold_with_other_parameters() {
         // between equal patches has none.
         let mapped = params.contains(&("mapped_gradient", "1"));
         for channels in [1, 3] {
-            for c in diagnose::appearance_with(entry, params, &pair(channels, 11), 4, 11).unwrap() {
+            for c in diagnose::appearance_with(entry, params, AMS, &pair(channels, 11), 4, 11).unwrap() {
                 let exempt = mapped && c.quantity.starts_with("self Hessian (");
                 assert!(c.passed() || exempt, "{params:?}, {channels} channels: {c:?}");
             }
