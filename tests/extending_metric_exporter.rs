@@ -128,7 +128,10 @@ fn an_added_metric_is_everywhere() {
             assert_eq!(fields.join(","), plain);
         }
     }
-    let log = read(&dir.join("a/frames/esm-ssd-homography/data/seq0.csv"));
+    let logs = fs::read_dir(dir.join("a/frames")).unwrap().map(|e| e.unwrap());
+    let esm = |e: &fs::DirEntry| e.file_name().to_string_lossy().starts_with("esm-ssd-homography");
+    let folder = logs.into_iter().find(esm).unwrap();
+    let log = read(&folder.path().join("data/seq0.csv"));
     let header = log.lines().next().unwrap();
     assert!(
         header.ends_with(",jaccard,angle,iterations,similarity"),
