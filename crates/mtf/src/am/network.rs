@@ -154,6 +154,7 @@ mod onnx {
     }
 
     /// Feature maps of a network.
+    #[derive(Clone)]
     pub struct Features {
         graph: Graph,
         most: usize,
