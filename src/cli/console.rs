@@ -2,6 +2,7 @@
 
 use super::args::{Messages, When};
 use super::exit::{self, Failure};
+use crate::store::is_full;
 use std::io::{self, IsTerminal, Write};
 
 /// Where messages go.
@@ -69,11 +70,7 @@ pub fn print(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
-            let full = matches!(
-                e.kind(),
-                io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
-            );
-            let code = if full { exit::STOPPED } else { exit::USAGE };
+            let code = if is_full(e.kind()) { exit::STOPPED } else { exit::USAGE };
             Err(Failure::new(code, format!("standard output: {e}")))
         }
         _ => Ok(()),

@@ -6,7 +6,7 @@ use crate::measure::basin::BasinError;
 use crate::measure::bench::BenchError;
 use crate::plan::PlanError;
 use crate::run::RunError;
-use crate::store::StoreError;
+use crate::store::{StoreError, is_full};
 use std::fmt::Display;
 use std::io;
 use std::process::ExitCode;
@@ -66,6 +66,10 @@ impl Failure {
         }
     }
 
+    fn code(&self) -> u8 {
+        self.code
+    }
+
     /// Wrong arguments or unusable input.
     pub fn usage(message: impl Display) -> Failure {
         Failure::new(USAGE, message)
@@ -92,9 +96,10 @@ fn of_plan(error: &PlanError) -> u8 {
 
 fn of_store(error: &StoreError) -> u8 {
     match error {
-        StoreError::Locked { .. } | StoreError::DiskFull(_) => STOPPED,
-        StoreError::Mismatch { .. } => NOT_COMPARABLE,
-        StoreError::NotARunDirectory(_)
+        StoreError::Locked { .. } | StoreError::DiskFull(_) | StoreError::Gone(_) => STOPPED,
+        StoreError::Mismatch { .. } | StoreError::OtherBuild { .. } => NOT_COMPARABLE,
+        StoreError::Incomplete { .. } | StoreError::Stale { .. } => INCOMPLETE,
+        StoreError::NotARunDirectory { .. }
         | StoreError::NoRun { .. }
         | StoreError::Io { .. }
         | StoreError::Damaged { .. } => USAGE,
@@ -105,8 +110,7 @@ fn of_run(error: &RunError) -> u8 {
     match error {
         RunError::Plan(error) => of_plan(error),
         RunError::Store(error) => of_store(error),
-        RunError::Interrupted { .. } => STOPPED,
-        RunError::Threads(_) => USAGE,
+        RunError::Interrupted { .. } | RunError::Threads(_) => STOPPED,
     }
 }
 
@@ -168,7 +172,8 @@ pub fn of_conclusion(conclusion: Conclusion) -> u8 {
     }
 }
 
-/// What an error with a chain of causes means. A reader of stdout that has seen enough (`| head`) is no failure.
+/// What an error with a chain of causes means. A reader of stdout that has seen enough (`| head`) is no failure; a full disk
+/// is a reason to try again.
 ///
 /// # Errors
 /// Any other cause.
@@ -180,8 +185,14 @@ pub fn of_chain(error: anyhow::Error) -> Outcome {
     {
         return Ok(ExitCode::SUCCESS);
     }
-    let code = error
-        .downcast_ref()
-        .map_or(USAGE, |failure: &Failure| failure.code);
+    let full = |cause: &(dyn std::error::Error + 'static)| {
+        let source = cause.downcast_ref().map(io::Error::kind);
+        source.is_some_and(is_full) || matches!(cause.downcast_ref(), Some(StoreError::DiskFull(_)))
+    };
+    let code = match error.downcast_ref() {
+        Some(failure) => Failure::code(failure),
+        None if error.chain().any(full) => STOPPED,
+        None => error.downcast_ref().map_or(USAGE, of_store),
+    };
     Err(Failure::new(code, format!("{error:#}")))
 }

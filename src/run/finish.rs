@@ -183,8 +183,8 @@ pub(crate) fn describe(
         dir.put(&path, &pretty(&value), Durable::Later)?;
     }
     let truth = truth::format(&plan.sequences, truth);
-    dir.write(&dir.path().join("truth.csv"), &truth)?;
-    dir.write(&path, &pretty(&run))
+    dir.put(&dir.path().join("truth.csv"), &truth, Durable::Now)?;
+    dir.put(&path, &pretty(&run), Durable::Now)
 }
 
 /// Writes `timing.csv`: the file that differs between machines.
@@ -228,5 +228,5 @@ fn write_timing(dir: &RunDir, plan: &Plan, times: &[(Unit, UnitTime)]) -> Result
     let bytes = out
         .into_inner()
         .map_err(|e| StoreError::io(&path, e.into_error()))?;
-    dir.write(&path, &bytes)
+    dir.put(&path, &bytes, Durable::Now)
 }

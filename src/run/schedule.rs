@@ -15,11 +15,11 @@ use crate::run::error::RunError;
 use crate::run::observer::Observer;
 use crate::run::pass::{Pass, Ready};
 use crate::run::profile::{Activity, Spent};
-use crate::store::StoreError;
 use crate::store::framelog::{Row, format_log, pack_log, score_log};
 use crate::store::journal::{Entry, EntryStatus, Finished, UnitTime};
 use crate::store::rundir::{RunDir, digest};
-use crate::store::{Durable, write_atomic};
+use crate::store::Durable;
+use crate::store::host::build;
 use mtf::image::Frame;
 use mtf::tracker::Tracker;
 use rayon::prelude::*;
@@ -375,6 +375,7 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
         log: None,
         errors: None,
         grid: Vec::new(),
+        build: build().to_owned(),
         time: UnitTime {
             init_seconds,
             ..unit_time(seconds, input_seconds, context.pool.current_num_threads())
@@ -388,8 +389,8 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
         let bytes = pack_log(text, logs);
         entry.log = Some(digest(&bytes));
         // Synced in groups by the journal, before the line that vouches for it.
-        if let Err(error) = write_atomic(&path, Durable::Later, |w| w.write_all(&bytes)) {
-            return context.fail(StoreError::io(&path, error).into());
+        if let Err(error) = context.dir.put(&path, &bytes, Durable::Later) {
+            return context.fail(error.into());
         }
         written = Some(path);
     } else {

@@ -2,7 +2,8 @@
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Whether a file must survive a loss of power once it is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,31 +14,37 @@ pub enum Durable {
     Later,
 }
 
+/// Ending of the names of files that are not complete yet.
+pub(crate) const UNFINISHED: &str = ".tmp";
+
 /// Writes `path` through `write` so that its name never shows part of it: to a temporary name beside it, synced, renamed
-/// over `path`. Missing folders are made. The temporary name is always the same, so what a killed program leaves is
-/// replaced by the next; one program at a time may write a file (run directories are locked).
+/// over `path`. Missing folders are made. The temporary name is this write's own and is never followed as a link, so
+/// that any number of processes may write one file; the last one stays.
 ///
 /// # Errors
 /// What the system says; the temporary file is removed and `path` left as it was.
 pub fn write_atomic(
     path: &Path,
     durable: Durable,
-    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    write: impl Fn(&mut dyn Write) -> io::Result<()>,
 ) -> io::Result<()> {
-    let mut name = path
-        .file_name()
-        .ok_or(io::ErrorKind::InvalidInput)?
-        .to_os_string();
-    name.push(".tmp");
-    let temporary = path.with_file_name(name);
+    match replace(path, durable, &write) {
+        Err(e) if e.kind() == io::ErrorKind::NotFound => {
+            path.parent().map_or(Ok(()), fs::create_dir_all)?;
+            replace(path, durable, &write)
+        }
+        other => other,
+    }
+}
+
+/// [`write_atomic`] into a folder that is there.
+pub(crate) fn replace(
+    path: &Path,
+    durable: Durable,
+    write: &dyn Fn(&mut dyn Write) -> io::Result<()>,
+) -> io::Result<()> {
+    let (temporary, file) = unfinished(path)?;
     let attempt = || -> io::Result<()> {
-        let file = match File::create(&temporary) {
-            Err(e) if e.kind() == io::ErrorKind::NotFound => {
-                path.parent().map_or(Ok(()), fs::create_dir_all)?;
-                File::create(&temporary)?
-            }
-            other => other?,
-        };
         let mut out = BufWriter::new(file);
         write(&mut out)?;
         let file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
@@ -59,6 +66,23 @@ pub fn write_atomic(
     })
 }
 
+/// A new file beside `path` with a name that nothing else has.
+fn unfinished(path: &Path) -> io::Result<(PathBuf, File)> {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let own = path.file_name().ok_or(io::ErrorKind::InvalidInput)?;
+    loop {
+        let mut name = own.to_os_string();
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        name.push(format!(".{}-{count}{UNFINISHED}", std::process::id()));
+        let temporary = path.with_file_name(name);
+        match File::create_new(&temporary) {
+            // Left by a process of the same number, perhaps on another machine.
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
+            other => return Ok((temporary, other?)),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -76,5 +100,37 @@ mod tests {
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
         assert!(write_atomic(Path::new("/"), Durable::Now, |_| Ok(())).is_err());
+    }
+
+    #[test]
+    fn many_may_write_one_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.json");
+        let texts: Vec<String> = (0..4).map(|k| k.to_string().repeat(1000)).collect();
+        std::thread::scope(|scope| {
+            for text in &texts {
+                let path = &path;
+                scope.spawn(move || {
+                    for _ in 0..50 {
+                        write_atomic(path, Durable::Later, |w| w.write_all(text.as_bytes())).unwrap();
+                    }
+                });
+            }
+        });
+        assert!(texts.contains(&fs::read_to_string(&path).unwrap()));
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_replaced_and_not_followed() {
+        let dir = tempfile::tempdir().unwrap();
+        let (target, link) = (dir.path().join("thesis.tex"), dir.path().join("a.csv"));
+        fs::write(&target, "x").unwrap();
+        std::os::unix::fs::symlink(&target, &link).unwrap();
+        write_atomic(&link, Durable::Now, |w| w.write_all(b"new")).unwrap();
+        assert_eq!(fs::read(&target).unwrap(), b"x");
+        assert_eq!(fs::read(&link).unwrap(), b"new");
+        assert!(!link.is_symlink());
     }
 }

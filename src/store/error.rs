@@ -8,8 +8,13 @@ use std::path::{Path, PathBuf};
 #[non_exhaustive]
 pub enum StoreError {
     /// The directory holds other things.
-    #[error("{0} is neither empty nor a run directory: choose another --out")]
-    NotARunDirectory(PathBuf),
+    #[error("{path} is neither empty nor a run directory ({reason}): choose another --out", path = .path.display())]
+    NotARunDirectory {
+        /// The directory.
+        path: PathBuf,
+        /// What shows that it is none.
+        reason: String,
+    },
     /// Another process writes to the directory.
     #[error("{path} is locked by another run ({holder})", path = .path.display())]
     Locked {
@@ -34,6 +39,33 @@ pub enum StoreError {
         /// What differs.
         reason: String,
     },
+    /// A run that has not got to its end.
+    #[error("{path} is incomplete: {missing} of {units} units have no result; run its command again to go on", path = .path.display())]
+    Incomplete {
+        /// The run directory.
+        path: PathBuf,
+        /// Units of the run, or of its shard.
+        units: usize,
+        /// Those without an end.
+        missing: usize,
+    },
+    /// Results that another state of the run directory gave.
+    #[error("{path} is not of the units that its directory holds; run the directory's command again to make it anew", path = .path.display())]
+    Stale {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Results of another build of the program.
+    #[error("{path} holds results of another build of the program ({builds}): --force discards them, --mix-builds keeps them", path = .path.display())]
+    OtherBuild {
+        /// The run directory.
+        path: PathBuf,
+        /// The builds, this one first.
+        builds: String,
+    },
+    /// The directory is not where it was.
+    #[error("{0} was moved or deleted while the run wrote to it; put it back or run again")]
+    Gone(PathBuf),
     /// No space left; what was finished is kept.
     #[error("no space left on the disk while writing {0}: nothing finished is lost, make room and run again")]
     DiskFull(PathBuf),
@@ -55,13 +87,19 @@ pub enum StoreError {
     },
 }
 
+/// Whether there is no room for a file: the disk or quota is full, or a limit of file sizes is reached.
+pub fn is_full(kind: io::ErrorKind) -> bool {
+    matches!(
+        kind,
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge
+    )
+}
+
 impl StoreError {
     /// Wraps an error of the system, telling a full disk from other failures.
     pub fn io(path: &Path, source: io::Error) -> StoreError {
         match source.kind() {
-            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
-                StoreError::DiskFull(path.to_path_buf())
-            }
+            kind if is_full(kind) => StoreError::DiskFull(path.to_path_buf()),
             _ => StoreError::Io {
                 path: path.to_path_buf(),
                 source,

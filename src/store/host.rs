@@ -1,6 +1,8 @@
 //! Where and when something was written.
 
 use std::fs;
+use std::sync::OnceLock;
+use twox_hash::XxHash64;
 
 /// Name of this machine.
 pub fn host_name() -> String {
@@ -11,6 +13,25 @@ pub fn host_name() -> String {
         .map(|s| s.trim().to_string())
         .filter(|s| !s.is_empty())
         .unwrap_or_else(|| "unknown host".into())
+}
+
+/// What tells this build of the program from others: the checksum of its file (XXH64, 16 hexadecimal digits). So it differs
+/// with the program's own models, too, with the compiler and with its options. The version where the file cannot be read.
+pub fn build() -> &'static str {
+    static BUILD: OnceLock<String> = OnceLock::new();
+    BUILD.get_or_init(|| {
+        // On Linux the link leads to the file even when a newer one has taken its place.
+        let own = std::path::Path::new("/proc/self/exe");
+        let path = if own.exists() {
+            own.to_path_buf()
+        } else {
+            std::env::current_exe().unwrap_or_default()
+        };
+        match fs::read(path) {
+            Ok(bytes) => format!("{:016x}", XxHash64::oneshot(0, &bytes)),
+            Err(_) => format!("version {}", env!("CARGO_PKG_VERSION")),
+        }
+    })
 }
 
 /// The time now, UTC, RFC 3339 to the second.

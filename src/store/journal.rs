@@ -5,19 +5,22 @@
 
 use crate::plan::UnitKey;
 use crate::store::error::StoreError;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
+use twox_hash::XxHash64;
 
 /// Longest time a line waits for its sync.
 const COMMIT_AFTER: Duration = Duration::from_secs(1);
-/// Files that are synced at the same time.
-const SYNCS: usize = 16;
+/// Most files that are synced at the same time: enough to share the disk's waits, few beside a limit of open files.
+const SYNCS: usize = 4;
 /// Most lines that wait for one sync.
 const COMMIT_UNITS: usize = 100;
 
@@ -87,6 +90,8 @@ pub struct Entry {
     /// likewise.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub grid: Vec<Option<f64>>,
+    /// The build of the program that tracked it: see [`build`](crate::store::host::build).
+    pub build: String,
     /// Speed figures.
     pub time: UnitTime,
 }
@@ -109,18 +114,61 @@ struct Line {
     status: EntryStatus,
 }
 
+/// What the index needs of an [`Entry`].
+#[derive(Deserialize)]
+struct Head {
+    key: UnitKey,
+    status: EntryStatus,
+}
+
+/// How a line begins: the checksum of the rest of it.
+const SUM: &str = "{\"sum\":\"";
+
+/// The checksum of `rest`: XXH64, 16 hexadecimal digits.
+fn sum(rest: &[u8]) -> String {
+    format!("{:016x}", XxHash64::oneshot(0, rest))
+}
+
+/// The line of `entry`, without its newline: a JSON object whose first field, `sum`, is the checksum of what follows it.
+fn line(entry: &Entry) -> serde_json::Result<Vec<u8>> {
+    let entry = serde_json::to_vec(entry)?;
+    // Its opening brace is that of the line.
+    let rest = entry.get(1..).unwrap_or_default();
+    Ok([SUM.as_bytes(), sum(rest).as_bytes(), b"\",", rest].concat())
+}
+
+/// What a line says; `None` when it is not to the bit what [`line`] wrote.
+fn checked<T: DeserializeOwned>(line: &[u8]) -> Option<T> {
+    let (found, rest) = line.strip_prefix(SUM.as_bytes())?.split_at_checked(16)?;
+    let rest = rest.strip_prefix(b"\",")?;
+    (found == sum(rest).as_bytes()).then_some(())?;
+    serde_json::from_slice(line).ok()
+}
+
+/// Whether the file is the journal of a run: it has a whole line or none.
+pub(crate) fn is_journal(path: &Path) -> bool {
+    let Ok(file) = File::open(path) else {
+        return false;
+    };
+    let mut reader = BufReader::new(file).take(1 << 26);
+    let mut text = Vec::new();
+    let mut lines = 0;
+    while reader.read_until(b'\n', &mut text).is_ok_and(|n| n > 0) {
+        if checked::<Head>(text.trim_ascii()).is_some() {
+            return true;
+        }
+        lines += usize::from(text.ends_with(b"\n"));
+        text.clear();
+    }
+    lines == 0
+}
+
 impl Journal {
     /// Reads the journal at `path`; a missing file is an empty journal and a torn last line is ignored.
     ///
     /// # Errors
     /// The file exists and cannot be read.
     pub fn read(path: &Path) -> Result<Journal, StoreError> {
-        /// What the index needs of an [`Entry`].
-        #[derive(Deserialize)]
-        struct Head {
-            key: UnitKey,
-            status: EntryStatus,
-        }
         let io = |e| StoreError::io(path, e);
         let mut journal = Journal {
             path: path.to_path_buf(),
@@ -134,13 +182,13 @@ impl Journal {
         let (mut at, mut text) = (0, Vec::new());
         while reader.read_until(b'\n', &mut text).map_err(io)? > 0 && text.ends_with(b"\n") {
             let line = text.trim_ascii();
-            match serde_json::from_slice::<Head>(line) {
-                Ok(Head { key, status }) => {
+            match checked::<Head>(line) {
+                Some(Head { key, status }) => {
                     let len = line.len() as u32;
                     journal.lines.insert(key, Line { at, len, status });
                 }
-                Err(_) if line.is_empty() => {}
-                Err(_) => journal.damaged += 1,
+                None if line.is_empty() => {}
+                None => journal.damaged += 1,
             }
             at += text.len() as u64;
             text.clear();
@@ -179,11 +227,11 @@ impl Journal {
             .and_then(|_| file.read_exact(&mut text))
             .map_err(|e| StoreError::io(&self.path, e))?;
         drop(file);
-        let damaged = |e: serde_json::Error| StoreError::Damaged {
+        let damaged = || StoreError::Damaged {
             path: self.path.clone(),
-            reason: e.to_string(),
+            reason: format!("the line at byte {}", line.at),
         };
-        serde_json::from_slice(&text).map(Some).map_err(damaged)
+        checked(&text).map(Some).ok_or_else(damaged)
     }
 }
 
@@ -237,8 +285,7 @@ impl JournalWriter {
     /// # Errors
     /// The line cannot be written (disk full).
     pub fn append(&mut self, finished: &Finished) -> Result<(), StoreError> {
-        let mut line =
-            serde_json::to_vec(&finished.entry).map_err(|e| StoreError::io(&self.path, e.into()))?;
+        let mut line = line(&finished.entry).map_err(|e| StoreError::io(&self.path, e.into()))?;
         line.push(b'\n');
         self.file
             .write_all(&line)
@@ -259,8 +306,9 @@ impl JournalWriter {
         let io = |e| StoreError::io(&self.path, e);
         let mut out = BufWriter::with_capacity(1 << 20, &self.file);
         for entry in entries {
-            serde_json::to_writer(&mut out, &entry).map_err(|e| io(e.into()))?;
-            out.write_all(b"\n").map_err(io)?;
+            out.write_all(&line(&entry).map_err(|e| io(e.into()))?)
+                .and_then(|()| out.write_all(b"\n"))
+                .map_err(io)?;
         }
         out.flush().map_err(io)?;
         drop(out);
@@ -301,23 +349,31 @@ impl JournalWriter {
     }
 }
 
-/// Makes files durable, many at a time: each sync waits for the disk, and those that wait together share its work.
+/// Makes files durable, several at a time: each sync waits for the disk, and those that wait together share its work.
 fn sync_all(logs: &[PathBuf]) -> Result<(), StoreError> {
     let sync = |log: &PathBuf| match File::open(log) {
         Ok(file) => file.sync_data().map_err(|e| StoreError::io(log, e)),
         // A log that has gone since is found by its digest when the directory is next read.
-        Err(_) => Ok(()),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
+        Err(e) => Err(StoreError::io(log, e)),
+    };
+    let next = AtomicUsize::new(0);
+    let some = || {
+        let take = || logs.get(next.fetch_add(1, Ordering::Relaxed));
+        std::iter::from_fn(take).try_for_each(sync)
     };
     std::thread::scope(|scope| {
-        let share = logs.len().div_ceil(SYNCS).max(1);
-        let parts: Vec<_> = logs
-            .chunks(share)
-            .map(|part| scope.spawn(move || part.iter().try_for_each(sync)))
+        // Threads that cannot be had leave more to the others and to this one.
+        let helpers: Vec<_> = (1..SYNCS.min(logs.len()))
+            .map_while(|_| std::thread::Builder::new().spawn_scoped(scope, some).ok())
             .collect();
-        // A panic of the standard library is one here.
-        parts
-            .into_iter()
-            .try_for_each(|part| part.join().unwrap_or_else(|p| std::panic::resume_unwind(p)))
+        let mut result = some();
+        for helper in helpers {
+            // A panic of the standard library is one here.
+            let done = helper.join().unwrap_or_else(|p| std::panic::resume_unwind(p));
+            result = result.and(done);
+        }
+        result
     })
 }
 
@@ -361,6 +417,7 @@ mod tests {
             log: None,
             errors: Some(vec![Some(vec![0.1, 0.2, 1.0 / 3.0, 1e-7]), None]),
             grid: vec![Some(0.25), None],
+            build: "b".into(),
             time: UnitTime::default(),
         }
     }
@@ -390,6 +447,27 @@ mod tests {
             drop(writer);
             let journal = Journal::read(&path).unwrap();
             assert_eq!((journal.len(), journal.damaged), (lines + 1, 0));
+        }
+    }
+
+    #[test]
+    fn every_flipped_bit_is_noticed() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("journal.jsonl");
+        let mut writer = JournalWriter::open(&path).unwrap();
+        writer.append(&unit(b'a', EntryStatus::Ok)).unwrap();
+        drop(writer);
+        let whole = std::fs::read(&path).unwrap();
+        assert!(is_journal(&path));
+        // The newline is another matter: without it the line is torn.
+        for bit in 0..8 * (whole.len() - 1) {
+            let mut bytes = whole.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            std::fs::write(&path, &bytes).unwrap();
+            let journal = Journal::read(&path).unwrap();
+            assert_eq!(journal.status(&key(b'a')), None, "bit {bit}");
+            // A flip may make a newline, and two lines.
+            assert!(journal.damaged > 0, "bit {bit}");
         }
     }
 

@@ -6,7 +6,7 @@
 use crate::store::error::StoreError;
 use crate::store::host::host_name;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, Read, Seek, Write};
+use std::io::{Read, Seek, Write};
 use std::path::Path;
 
 /// A process that holds or held a directory, as its lock file names it.
@@ -69,9 +69,21 @@ fn began(pid: u32) -> Option<u64> {
     (state != "Z").then_some(ticks)
 }
 
+/// Whether `text` is what a lock file holds: a holder, or nothing once its run has ended.
+pub(crate) fn is_lock(text: &str) -> bool {
+    Holder::parse(text).is_none_or(|holder| holder.text.starts_with("pid "))
+}
+
 /// Takes the lock of the directory `dir`, kept in `path`; also tells who held it and died.
 pub(crate) fn take(dir: &Path, path: &Path) -> Result<(File, Option<Holder>), StoreError> {
     let io = |e| StoreError::io(path, e);
+    // What it leads to belongs to somebody else and would be emptied.
+    if path.is_symlink() {
+        return Err(StoreError::NotARunDirectory {
+            path: dir.to_path_buf(),
+            reason: "its .lock is a link".into(),
+        });
+    }
     let mut file = OpenOptions::new()
         .create(true)
         .read(true)
@@ -93,8 +105,9 @@ pub(crate) fn take(dir: &Path, path: &Path) -> Result<(File, Option<Holder>), St
         (Ok(()), _) => {}
         (Err(TryLockError::WouldBlock), Some(holder)) => return refuse(holder.text.clone()),
         (Err(TryLockError::WouldBlock), None) => return refuse("holder unknown".into()),
-        // Some network file systems have no locks.
-        (Err(TryLockError::Error(e)), holder) if e.kind() == io::ErrorKind::Unsupported => {
+        // Some network file systems have no locks, or their server has none to give; no other answer means that somebody
+        // holds it. What the file says decides.
+        (Err(TryLockError::Error(_)), holder) => {
             if let Some(holder) = holder.as_ref().filter(|h| h.alive != Some(false)) {
                 return refuse(format!(
                     "{}; if that is over, remove {}",
@@ -103,7 +116,6 @@ pub(crate) fn take(dir: &Path, path: &Path) -> Result<(File, Option<Holder>), St
                 ));
             }
         }
-        (Err(TryLockError::Error(e)), _) => return Err(io(e)),
     }
     file.set_len(0)
         .and_then(|()| file.rewind())

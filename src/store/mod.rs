@@ -14,5 +14,5 @@ pub mod summary;
 pub mod truth;
 
 pub use atomic::{Durable, write_atomic};
-pub use error::StoreError;
+pub use error::{StoreError, is_full};
 pub use file::FileError;

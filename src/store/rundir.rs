@@ -1,9 +1,11 @@
 //! A run directory: its lock, its atomic writes and its file names.
 
 use crate::plan::{FrameLogs, Plan, RUN_FORMAT_VERSION, Unit};
+use crate::store::Durable;
+use crate::store::atomic::{UNFINISHED, replace};
 use crate::store::error::StoreError;
+use crate::store::journal;
 use crate::store::lock::{self, Holder};
-use crate::store::{Durable, write_atomic};
 use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};
@@ -39,17 +41,11 @@ impl RunDir {
     /// The directory is locked, holds other things than a run, cannot be created or written to, or the disk is full.
     pub fn open(path: &Path, fresh: bool, results: &[&str]) -> Result<(RunDir, Option<Holder>), StoreError> {
         fs::create_dir_all(path).map_err(|e| StoreError::io(path, e))?;
-        let lock_path = path.join(".lock");
-        if !lock_path.exists() && !path.join("journal.jsonl").exists() && !path.join("run.json").exists() {
-            let mut others = fs::read_dir(path).map_err(|e| StoreError::io(path, e))?;
-            if others.next().is_some() {
-                return Err(StoreError::NotARunDirectory(path.to_path_buf()));
-            }
-        }
-        let (lock, dead) = lock::take(path, &lock_path)?;
+        recognise(path, results)?;
+        let (lock, dead) = lock::take(path, &path.join(".lock"))?;
         let mut dir = RunDir::view(path);
         dir.lock = Some(lock);
-        dir.sweep()?;
+        dir.sweep(dead.is_some())?;
         if fresh {
             dir.clear(results)?;
         }
@@ -110,31 +106,47 @@ impl RunDir {
         Ok((plan, host))
     }
 
-    /// Removes temporary files that a killed run left at the top.
-    fn sweep(&self) -> Result<(), StoreError> {
-        for entry in fs::read_dir(&self.path)
-            .map_err(|e| StoreError::io(&self.path, e))?
-            .flatten()
-        {
-            if entry.file_name().to_string_lossy().ends_with(".tmp") {
-                let _ = fs::remove_file(entry.path());
+    /// Removes unfinished files that a killed run left: at the top, and `below` it too.
+    fn sweep(&self, below: bool) -> Result<(), StoreError> {
+        let mut folders = vec![self.path.clone()];
+        while let Some(folder) = folders.pop() {
+            let entries = fs::read_dir(&folder).map_err(|e| StoreError::io(&folder, e))?;
+            for entry in entries.flatten() {
+                // Of the entry itself, not of what it leads to.
+                let is_dir = entry.file_type().is_ok_and(|t| t.is_dir());
+                if is_dir && below {
+                    folders.push(entry.path());
+                } else if !is_dir && entry.file_name().to_string_lossy().ends_with(UNFINISHED) {
+                    let _ = fs::remove_file(entry.path());
+                }
             }
         }
         Ok(())
     }
 
+    /// Removes the result files `results` and `timing.csv`: they are of other units than those about to be run.
+    ///
+    /// # Errors
+    /// One of them cannot be removed.
+    pub fn discard_results(&self, results: &[&str]) -> Result<(), StoreError> {
+        results
+            .iter()
+            .chain(&["timing.csv"])
+            .try_for_each(|name| remove(&self.path.join(name)))
+    }
+
     fn clear(&self, results: &[&str]) -> Result<(), StoreError> {
-        let gone = |path: &Path, result: io::Result<()>| match result {
-            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(StoreError::io(path, e)),
-            _ => Ok(()),
-        };
         // The journal goes first: without it nothing else counts, however far this gets.
         for name in TOP_FILES.iter().rev().chain(results) {
-            let path = self.path.join(name);
-            gone(&path, fs::remove_file(&path))?;
+            remove(&self.path.join(name))?;
         }
         let frames = self.path.join("frames");
-        gone(&frames, fs::remove_dir_all(&frames))
+        match fs::remove_dir_all(&frames) {
+            // A link goes itself, and not what it leads to.
+            Err(_) if frames.is_symlink() => remove(&frames),
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(StoreError::io(&frames, e)),
+            _ => Ok(()),
+        }
     }
 
     /// The directory.
@@ -176,24 +188,81 @@ impl RunDir {
         }
     }
 
-    /// Writes `path` durably, unless it has these bytes already.
+    /// Writes the file `path` of the directory, unless it has these bytes already. Folders below the directory are made;
+    /// the directory itself is not, so that one that was moved away is not begun anew beside it.
     ///
     /// # Errors
-    /// The file cannot be written.
-    pub fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-        self.put(path, bytes, Durable::Now)
-    }
-
-    /// Writes `path`, unless it has these bytes already.
-    ///
-    /// # Errors
-    /// The file cannot be written.
+    /// The file cannot be written; [`StoreError::Gone`] when the directory is no longer there.
     pub fn put(&self, path: &Path, bytes: &[u8], durable: Durable) -> Result<(), StoreError> {
-        if fs::read(path).is_ok_and(|old| old == bytes) {
+        if fs::read(path).is_ok_and(|old| old == bytes) && !path.is_symlink() {
             return Ok(());
         }
-        write_atomic(path, durable, |w| w.write_all(bytes)).map_err(|e| StoreError::io(path, e))
+        let write = |out: &mut dyn io::Write| out.write_all(bytes);
+        let attempt = || match replace(path, durable, &write) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound && self.path.is_dir() => {
+                path.parent().map_or(Ok(()), fs::create_dir_all)?;
+                replace(path, durable, &write)
+            }
+            other => other,
+        };
+        attempt().map_err(|e| match e.kind() {
+            io::ErrorKind::NotFound if !self.path.is_dir() => StoreError::Gone(self.path.clone()),
+            _ => StoreError::io(path, e),
+        })
     }
+}
+
+/// Removes a file, if it is there.
+fn remove(path: &Path) -> Result<(), StoreError> {
+    match fs::remove_file(path) {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(StoreError::io(path, e)),
+        _ => Ok(()),
+    }
+}
+
+/// Whether the folder `path` is a run directory, or empty: by what its files hold, since other programs have files of
+/// these names, too. Its result files go by the names `results`.
+fn recognise(path: &Path, results: &[&str]) -> Result<(), StoreError> {
+    let refuse = |reason: &str| {
+        Err(StoreError::NotARunDirectory {
+            path: path.to_path_buf(),
+            reason: reason.to_owned(),
+        })
+    };
+    if is_run(&path.join("run.json")) {
+        return Ok(());
+    }
+    if path.join("run.json").exists() {
+        return refuse("its run.json is of another program");
+    }
+    // A run that was killed early, or one whose description was lost: nothing but files of a run, with their contents.
+    let entries = fs::read_dir(path).map_err(|e| StoreError::io(path, e))?;
+    for entry in entries.flatten() {
+        let (name, file) = (entry.file_name().to_string_lossy().into_owned(), entry.path());
+        let known = match name.as_str() {
+            ".lock" => !file.is_symlink() && lock::is_lock(&fs::read_to_string(&file).unwrap_or_default()),
+            "journal.jsonl" => journal::is_journal(&file),
+            name => RESERVED.contains(&name) || results.contains(&name) || name.ends_with(UNFINISHED),
+        };
+        if !known {
+            return refuse(&format!("it holds {}", name.escape_debug()));
+        }
+    }
+    let own = |name: &str| path.join(name).exists();
+    if own("frames") && !own("journal.jsonl") {
+        return refuse("it holds frames, and no journal of a run");
+    }
+    Ok(())
+}
+
+/// Whether the file is the description of a run.
+fn is_run(path: &Path) -> bool {
+    #[derive(serde::Deserialize)]
+    struct Tool {
+        tool: String,
+    }
+    let text = fs::read(path).unwrap_or_default();
+    serde_json::from_slice::<Tool>(&text).is_ok_and(|run| run.tool == env!("CARGO_PKG_NAME"))
 }
 
 impl Drop for RunDir {
@@ -302,11 +371,70 @@ mod tests {
     #[test]
     fn other_peoples_folders_are_left_alone() {
         let dir = tempfile::tempdir().unwrap();
-        fs::write(dir.path().join("thesis.tex"), "x").unwrap();
-        assert!(matches!(
-            RunDir::open(dir.path(), true, &[]),
-            Err(StoreError::NotARunDirectory(_))
-        ));
-        assert!(dir.path().join("thesis.tex").exists());
+        let path = |name: &str| dir.path().join(name);
+        let refused = || match RunDir::open(dir.path(), true, &[]) {
+            Err(StoreError::NotARunDirectory { reason, .. }) => reason,
+            other => panic!("{other:?}"),
+        };
+        // Files of other programs that go by the names of ours.
+        for (name, text) in [
+            ("thesis.tex", "x"),
+            (".lock", "locked by make"),
+            ("run.json", r#"{"run": 3}"#),
+            ("journal.jsonl", "Dear diary\n"),
+        ] {
+            fs::write(path(name), text).unwrap();
+            refused();
+            assert_eq!(fs::read_to_string(path(name)).unwrap(), text);
+            fs::remove_file(path(name)).unwrap();
+        }
+        fs::create_dir(path("frames")).unwrap();
+        fs::write(path("frames/0001.png"), "x").unwrap();
+        for name in [".lock", "journal.jsonl"] {
+            fs::write(path(name), "").unwrap();
+            if name == ".lock" {
+                refused();
+            }
+        }
+        assert!(path("frames/0001.png").exists());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_lock_that_is_a_link_leaves_its_target() {
+        let dir = tempfile::tempdir().unwrap();
+        let target = dir.path().join("thesis.tex");
+        fs::write(&target, "x").unwrap();
+        let run = dir.path().join("run");
+        fs::create_dir(&run).unwrap();
+        std::os::unix::fs::symlink(&target, run.join(".lock")).unwrap();
+        assert!(RunDir::open(&run, true, &[]).is_err());
+        assert_eq!(fs::read_to_string(&target).unwrap(), "x");
+    }
+
+    #[test]
+    fn a_directory_that_was_moved_away_is_not_begun_anew() {
+        let dir = tempfile::tempdir().unwrap();
+        let (before, after) = (dir.path().join("a"), dir.path().join("b"));
+        let (run, _) = RunDir::open(&before, false, &[]).unwrap();
+        run.put(&before.join("frames/x/y.csv"), b"1", Durable::Later)
+            .unwrap();
+        fs::rename(&before, &after).unwrap();
+        let error = run.put(&before.join("frames/x/z.csv"), b"1", Durable::Later);
+        assert!(matches!(error, Err(StoreError::Gone(_))), "{error:?}");
+        assert!(!before.exists());
+    }
+
+    #[test]
+    fn what_a_killed_run_left_unfinished_is_removed() {
+        let dir = tempfile::tempdir().unwrap();
+        drop(RunDir::open(dir.path(), false, &[]).unwrap());
+        let log = dir.path().join("frames/a/b.csv.7-0.tmp");
+        fs::create_dir_all(log.parent().unwrap()).unwrap();
+        fs::write(&log, "half").unwrap();
+        fs::write(dir.path().join("journal.jsonl"), "").unwrap();
+        fs::write(dir.path().join(".lock"), "pid 4294967295 on elsewhere since noon").unwrap();
+        drop(RunDir::open(dir.path(), false, &[]).unwrap());
+        assert!(!log.exists());
     }
 }

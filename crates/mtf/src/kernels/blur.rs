@@ -78,7 +78,7 @@ fn separable_taps<L: Lanes, const N: usize>(
     let radius = N / 2;
     let mut taps = [0.0; N];
     taps[(N - weights.len()) / 2..][..weights.len()].copy_from_slice(weights);
-    let taps = taps.map(L::splat);
+    let taps = L::splat_each(taps);
     let padded = width.next_multiple_of(WIDTH);
     let (ring, line) = scratch[..scratch_len(width, N)].split_at_mut(N * padded);
     line.fill(0.0);
@@ -96,10 +96,12 @@ fn separable_taps<L: Lanes, const N: usize>(
             filter_line(line, &taps, &mut ring[slot * padded..(slot + 1) * padded]);
             done += 1;
         }
-        let rows: [&[f32]; N] = std::array::from_fn(|k| {
+        // A loop, as in `combine_rows`: closures are left without the wide instructions.
+        let mut rows: [&[f32]; N] = [&[]; N];
+        for k in 0..N {
             let slot = reflect101((y + k) as isize - radius as isize, height) % N;
-            &ring[slot * padded..(slot + 1) * padded]
-        });
+            rows[k] = &ring[slot * padded..(slot + 1) * padded];
+        }
         combine_rows(rows, &taps, &mut plane[y * stride..y * stride + width]);
     }
 }
@@ -117,7 +119,7 @@ fn filter_line<L: Lanes, const N: usize>(line: &[f32], taps: &[L; N], out: &mut 
     }
 }
 
-/// `sum_k taps[k] rows[k][x..]`. A function: closures over lanes are compiled without the wide instructions.
+/// `sum_k taps[k] rows[k][x..]`.
 #[inline(always)]
 fn weighted_at<L: Lanes, const N: usize>(rows: &[&[f32]; N], taps: &[L; N], x: usize) -> L {
     let mut sum = L::load(&rows[0][x..x + WIDTH]).mul(taps[0]);
@@ -129,8 +131,10 @@ fn weighted_at<L: Lanes, const N: usize>(rows: &[&[f32]; N], taps: &[L; N], x: u
 
 /// `out[x] = sum_k taps[k] rows[k][x]`; rows are whole numbers of lanes, `out.len()` rounded up.
 #[inline(always)]
-fn combine_rows<L: Lanes, const N: usize>(rows: [&[f32]; N], taps: &[L; N], out: &mut [f32]) {
-    let rows = rows.map(|row| &row[..out.len().next_multiple_of(WIDTH)]);
+fn combine_rows<L: Lanes, const N: usize>(mut rows: [&[f32]; N], taps: &[L; N], out: &mut [f32]) {
+    for row in &mut rows {
+        *row = &row[..out.len().next_multiple_of(WIDTH)];
+    }
     let whole = out.len() - out.len() % WIDTH;
     let mut x = 0;
     while x < whole {

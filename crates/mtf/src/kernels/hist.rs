@@ -117,6 +117,18 @@ fn horner<V: Lanes, const N: usize>(c: &[V; N], t: V) -> V {
     v
 }
 
+/// A window for eight values at once.
+#[inline(always)]
+fn windows<V: Lanes>(window: &[[f32; 5]; SUPPORT]) -> [[V; 5]; SUPPORT] {
+    let [a, b, c, d] = *window;
+    [
+        V::splat_each(a),
+        V::splat_each(b),
+        V::splat_each(c),
+        V::splat_each(d),
+    ]
+}
+
 /// The four weights of each of eight values, twice over.
 #[inline(always)]
 fn twice<V: Lanes>(w: &[[V; 5]; SUPPORT], t: V) -> [V; WIDTH] {
@@ -153,7 +165,7 @@ fn bin_lanes<V: Lanes>(x: &[f32], buckets: usize, bucket: &mut [u32], tau: &mut 
 #[inline(always)]
 fn window_lanes<V: Lanes>(window: &[[f32; 5]; SUPPORT], tau: &[f32], rows: &mut [f32]) {
     let n = tau.len();
-    let w = window.map(|p| p.map(V::splat));
+    let w = windows::<V>(window);
     let mut i = 0;
     while i < n {
         let t = V::load_at(tau, i);
@@ -183,27 +195,53 @@ fn joint_lanes<V: Lanes, const ALONE: usize>(
     let size = buckets * buckets * stride;
     let sums = &mut sums[..TABLES * size];
     sums.fill(0.0);
-    let w = left.map(|p| p.map(V::splat));
+    let w = windows::<V>(left);
     let mut i = 0;
     while i < n {
-        let t = V::load_at(tau, i);
-        let pixels = twice(&w, t);
-        for p in 0..WIDTH.min(n - i) {
-            let at = bucket[i + p] as usize * buckets + right_bucket[i + p] as usize;
-            cell[i + p] = at as u32;
-            let sums = &mut sums[(p % TABLES) * size + at * stride..][..stride];
-            let b = V::load_twice(&right_rows[4 * (i + p)..4 * (i + p) + 4]);
-            let [low, high] = pixels[p].spread();
-            low.mul_add(b, V::load(&sums[..8])).store(&mut sums[..8]);
-            high.mul_add(b, V::load(&sums[8..16])).store(&mut sums[8..16]);
-            if ALONE != NEITHER {
-                let alone = if ALONE == LEFT { pixels[p] } else { b };
-                alone.add(V::load(&sums[16..24])).store(&mut sums[16..24]);
-            }
+        let pixels = twice(&w, V::load_at(tau, i));
+        let count = WIDTH.min(n - i);
+        let at = i..i + count;
+        let (bucket, right_bucket) = (&bucket[at.clone()], &right_bucket[at.clone()]);
+        let (rows, cell) = (&right_rows[4 * i..4 * (i + count)], &mut cell[at]);
+        // Unrolled where there are eight, so that their weights stay in registers.
+        if count == WIDTH {
+            add_pixels::<V, ALONE>(WIDTH, pixels, [bucket, right_bucket], rows, buckets, cell, sums);
+        } else {
+            add_pixels::<V, ALONE>(count, pixels, [bucket, right_bucket], rows, buckets, cell, sums);
         }
         i += WIDTH;
     }
     fold_tables::<V>(sums);
+}
+
+/// Adds `count` pixels with the weights `pixels` to the tables in turn.
+#[inline(always)]
+fn add_pixels<V: Lanes, const ALONE: usize>(
+    count: usize,
+    pixels: [V; WIDTH],
+    [left, right]: [&[u32]; 2],
+    right_rows: &[f32],
+    buckets: usize,
+    cell: &mut [u32],
+    sums: &mut [f32],
+) {
+    let (left, right, cell) = (&left[..count], &right[..count], &mut cell[..count]);
+    let right_rows = &right_rows[..4 * count];
+    let stride = cell_sums(ALONE);
+    let size = buckets * buckets * stride;
+    for p in 0..count {
+        let at = left[p] as usize * buckets + right[p] as usize;
+        cell[p] = at as u32;
+        let sums = &mut sums[(p % TABLES) * size + at * stride..][..stride];
+        let b = V::load_twice(&right_rows[4 * p..4 * p + 4]);
+        let [low, high] = pixels[p].spread();
+        low.mul_add(b, V::load(&sums[..8])).store(&mut sums[..8]);
+        high.mul_add(b, V::load(&sums[8..16])).store(&mut sums[8..16]);
+        if ALONE != NEITHER {
+            let alone = if ALONE == LEFT { pixels[p] } else { b };
+            alone.add(V::load(&sums[16..24])).store(&mut sums[16..24]);
+        }
+    }
 }
 
 /// The sum of all tables, in the first.

@@ -135,22 +135,32 @@ pub(super) trait Lanes: Copy {
         let n = s.len();
         s.copy_from_slice(&self.to_array()[..n]);
     }
+    /// [`splat`](Self::splat) of each. A loop: the compiler leaves closures over lanes without the wide instructions.
+    #[inline(always)]
+    fn splat_each<const N: usize>(values: [f32; N]) -> [Self; N] {
+        let mut lanes = [Self::splat(0.0); N];
+        for k in 0..N {
+            lanes[k] = Self::splat(values[k]);
+        }
+        lanes
+    }
     /// Eight elements from `i` on; past the end of `s` zero.
     #[inline(always)]
     fn load_at(s: &[f32], i: usize) -> Self {
-        if i + WIDTH <= s.len() {
-            Self::load(&s[i..i + WIDTH])
-        } else {
-            Self::load_partial(&s[i..])
+        // One comparison where the compiler knows `i < s.len()`.
+        let s = &s[i..];
+        match s.first_chunk::<WIDTH>() {
+            Some(eight) => Self::load(eight),
+            None => Self::load_partial(s),
         }
     }
     /// Writes the lanes at `i`, as many as `s` has room for.
     #[inline(always)]
     fn store_at(self, s: &mut [f32], i: usize) {
-        if i + WIDTH <= s.len() {
-            self.store(&mut s[i..i + WIDTH])
-        } else {
-            self.store_partial(&mut s[i..])
+        let s = &mut s[i..];
+        match s.first_chunk_mut::<WIDTH>() {
+            Some(eight) => self.store(eight),
+            None => self.store_partial(s),
         }
     }
     /// Sum of the lanes in `f64`, in a fixed order.

@@ -90,7 +90,7 @@ fn steepest_lanes<V: Lanes>(
                 continue;
             }
             let to = &mut data[at..at + len];
-            let weights = columns[k].weights.map(V::splat);
+            let weights = V::splat_each(columns[k].weights);
             match columns[k].single {
                 Some(i) if i % 3 == 0 => product_column::<V>(rows[i / 3], x, weights[i], to),
                 Some(i) if i % 3 == 1 => product_column::<V>(rows[i / 3], y, weights[i], to),
@@ -136,11 +136,15 @@ fn carry<V: Lanes>(x: &[f32], y: &[f32], q: &Covectors<'_>, start: usize, out: [
     let (y, [r0, r1, r2]) = (&y[..n], out.map(|r| &mut r[..n]));
     // `q A` with the frame's unit and the sign of the third component in the matrix.
     let (a, k) = (q.matrix, q.scale);
-    let a = [0, 1, 2].map(|c| [k * a[c], k * a[3 + c], -a[6 + c]]);
-    let a = a.map(|column| column.map(V::splat));
+    let column = |c: usize| [k * a[c], k * a[3 + c], -a[6 + c]];
+    let [a0, a1, a2] = [column(0), column(1), column(2)];
+    let a = [V::splat_each(a0), V::splat_each(a1), V::splat_each(a2)];
     let (cx, cy) = (V::splat(q.centre[0]), V::splat(q.centre[1]));
     let one = V::splat(1.0);
-    let denominator = q.denominator.map(|d| d.map(V::splat));
+    let denominator = match q.denominator {
+        Some(d) => Some(V::splat_each(d)),
+        None => None,
+    };
     let mut i = 0;
     while i < n {
         let (mut g0, mut g1) = (V::load_at(gx, i), V::load_at(gy, i));

@@ -16,7 +16,7 @@ dispatch! {
 
 #[inline(always)]
 fn grid_lanes<V: Lanes>(m: &[f32; 9], cols: usize, rows: usize, out_x: &mut [f32], out_y: &mut [f32]) {
-    let m = m.map(V::splat);
+    let m = V::splat_each(*m);
     let ramp = V::from_array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
     let last = V::splat((cols.max(2) - 1) as f32);
     let middle = V::splat(if cols > 1 { 0.5 } else { 0.0 });
@@ -52,7 +52,7 @@ fn warp_lanes<V: Lanes>(
 ) {
     let n = gx.len();
     let (gy, out_x, out_y) = (&gy[..n], &mut out_x[..n], &mut out_y[..n]);
-    let mv = m.map(V::splat);
+    let mv = V::splat_each(*m);
     let (cx, cy) = (V::splat(centre[0]), V::splat(centre[1]));
     let s = V::splat(scale);
     let affine = m[6] == 0.0 && m[7] == 0.0 && m[8] == 1.0;

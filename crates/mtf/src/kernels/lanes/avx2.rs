@@ -179,9 +179,9 @@ impl Lanes for Avx2 {
     fn load_twice(s: &[f32]) -> Self {
         assert!(s.len() >= WIDTH / 2, "four elements");
         // SAFETY: the processor has AVX2; four elements were checked; any alignment will do.
-        let four = unsafe { _mm_loadu_ps(s.as_ptr()) };
+        let four = unsafe { _mm_loadu_si128(s.as_ptr().cast()) };
         // SAFETY: the processor has AVX2.
-        Avx2(unsafe { _mm256_set_m128(four, four) })
+        Avx2(unsafe { _mm256_castsi256_ps(_mm256_broadcastsi128_si256(four)) })
     }
     #[inline(always)]
     fn spread(self) -> [Self; 2] {
