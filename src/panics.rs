@@ -1,6 +1,7 @@
 //! Panics as failures: a bug in one tracker must not end a run of thousands.
 
 use std::cell::{Cell, RefCell};
+use std::io::{self, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Once;
 
@@ -43,7 +44,9 @@ pub fn install_hook() {
             if CATCHING.get() {
                 MESSAGE.set(Some(format!("{message}{place}")));
             } else {
-                eprintln!("internal error: {message}{place}; this is a bug, please report it");
+                // Not `eprintln`, which panics where standard error is gone: within a panic that ends the process at once.
+                let line = format!("internal error: {message}{place}; this is a bug, please report it");
+                let _ = writeln!(io::stderr(), "{line}");
             }
         }));
     });

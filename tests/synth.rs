@@ -421,7 +421,7 @@ struct Program {
 
 fn synth(words: &[&str]) -> anyhow::Result<std::process::ExitCode> {
     let program = Program::try_parse_from(std::iter::once(&"synth").chain(words))?;
-    mtf_eval::cli::synth::run(&program.args)
+    mtf_eval::cli::synth::run(&program.args, &|_| {})
 }
 
 fn the_command_writes_what_it_records() {

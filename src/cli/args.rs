@@ -198,6 +198,9 @@ pub struct ExecutionArgs {
     /// Discard what --out holds and start afresh
     #[arg(long)]
     pub force: bool,
+    /// Keep results in --out that another build of the program made
+    #[arg(long)]
+    pub mix_builds: bool,
     /// Run a part only, to be joined by `merge`: slice:i/n (equal cost) or hash:i/n, i from 1
     #[arg(long, value_name = "PART")]
     pub shard: Option<Shard>,

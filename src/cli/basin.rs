@@ -9,6 +9,7 @@ use super::signals::stop_on_signals;
 use crate::dataset::decode;
 use crate::measure::basin::{self, BasinRequest, BasinRow, Texture};
 use crate::report::{Format, render};
+use crate::run::pool;
 use crate::synth::texture::TEXTURES;
 use mtf::image::{Frame, Identity};
 use std::path::{Path, PathBuf};
@@ -109,10 +110,7 @@ pub fn run(args: &BasinArgs, program: &Program) -> Outcome {
         pre: filter(&args.trackers)?,
         seed: args.seed,
     };
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(args.threads.unwrap_or(0))
-        .build()
-        .map_err(Failure::usage)?;
+    let pool = pool(args.threads.unwrap_or(0), &|text| console.warn(text))?;
     let stop = stop_on_signals()?;
     let progress = |share: f64| console.note(&format!("{:.0} %", 100.0 * share));
     let rows = pool.install(|| basin::run(&request, &stop, &progress))?;

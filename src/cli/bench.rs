@@ -13,6 +13,7 @@ use crate::measure::bench::{
 use crate::measure::machine::Machine;
 use crate::plan::sequence_id;
 use crate::report::{Format, bars_svg, render};
+use crate::run::pool;
 use crate::store::{Durable, write_atomic};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -91,10 +92,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
         console.warn("this is a debug build: its times say nothing");
     }
     let stop = stop_on_signals()?;
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(request.threads)
-        .build()
-        .map_err(Failure::usage)?;
+    let pool = pool(request.threads, &|text| console.warn(text))?;
     let told = Mutex::new(Instant::now());
     let progress = |share: f64| {
         let mut last = told.lock().unwrap_or_else(|e| e.into_inner());

@@ -9,7 +9,8 @@ use crate::judge::gate::{Finding, gate};
 use crate::judge::tolerances::Tolerances;
 use crate::metric::MetricSet;
 use crate::report::{Format, junit};
-use crate::store::{Durable, summary, write_atomic};
+use crate::store::held::{Finished, finished};
+use crate::store::{Durable, write_atomic};
 use anyhow::{Context, bail, ensure};
 use report::{Report, json};
 use std::io::Write;
@@ -122,9 +123,14 @@ pub fn run(
             run_command(&old.command).context("the baseline's command failed")?
         }
     };
-    let results = summary::read(&dir, metrics)
-        .context("not a finished run")?
-        .results;
+    let Finished { summary, whole } = finished(&dir, metrics)?;
+    if !whole {
+        console.warn(&format!(
+            "{} has no run.json: its results cannot be compared with a plan",
+            dir.display()
+        ));
+    }
+    let results = summary.results;
     // A run directory that does not say how it was made keeps the command the baseline had.
     let command = recorded_command(&dir).or_else(|| old.as_ref().map(|b| b.command.clone()));
     let now = Baseline::new(&results, command.unwrap_or_default());
@@ -369,7 +375,7 @@ mod tests {
     fn reports() {
         let runs = Runs::new();
         let metrics = MetricSet::builtin();
-        let read = |name: &str| summary::read(&runs.path(name), &metrics).unwrap().results;
+        let read = |name: &str| finished(&runs.path(name), &metrics).unwrap().summary.results;
         let baseline = |name: &str| Baseline::new(&read(name), Vec::new());
         let (good, bad, part) = (baseline("good"), baseline("bad"), baseline("part"));
         let tolerances = Tolerances::of(&metrics);

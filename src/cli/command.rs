@@ -75,7 +75,7 @@ pub fn dispatch(command: Command, program: &Program) -> Outcome {
             check::run(&args, &program.catalogue.metrics, &program.console, &again).or_else(exit::of_chain)
         }
         Command::Compare(args) => compare::run(&args, program),
-        Command::Synth(args) => synth::run(&args).or_else(exit::of_chain),
+        Command::Synth(args) => synth::run(&args, &|line| program.console.line(line)).or_else(exit::of_chain),
         Command::Diagnose(args) => diagnose::run(&args, program),
         Command::Basin(args) => basin::run(&args, program),
         Command::Bench(args) => bench::run(&args, program),

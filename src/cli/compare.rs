@@ -94,10 +94,8 @@ pub fn run(args: &CompareArgs, program: &Program) -> Outcome {
     let runs: Vec<FinishedRun> = args
         .runs
         .iter()
-        .map(|dir| {
-            FinishedRun::read(dir, metrics).map_err(|e| Failure::usage(format!("not a finished run: {e}")))
-        })
-        .collect::<Result<_, _>>()?;
+        .map(|dir| Ok(FinishedRun::read(dir, metrics)?))
+        .collect::<Result<_, Failure>>()?;
     // A reference also meets the other trackers of its own run.
     let first = usize::from(options.reference.is_none());
     let found: Vec<Comparison> = runs[first..]

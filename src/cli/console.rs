@@ -57,8 +57,13 @@ impl Console {
     /// Something worth knowing.
     pub fn note(&self, message: &str) {
         if !self.quiet {
-            let _ = writeln!(io::stderr(), "{message}");
+            self.line(message);
         }
+    }
+
+    /// A line of its own, whatever was asked for.
+    pub fn line(&self, line: &str) {
+        let _ = writeln!(io::stderr(), "{line}");
     }
 }
 
@@ -70,7 +75,11 @@ pub fn print(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
-            let code = if is_full(e.kind()) { exit::STOPPED } else { exit::USAGE };
+            let code = if is_full(e.kind()) {
+                exit::STOPPED
+            } else {
+                exit::USAGE
+            };
             Err(Failure::new(code, format!("standard output: {e}")))
         }
         _ => Ok(()),

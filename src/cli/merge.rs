@@ -22,6 +22,9 @@ pub struct MergeArgs {
     /// Discard what OUT holds
     #[arg(long)]
     pub force: bool,
+    /// Join results of different builds of the program
+    #[arg(long)]
+    pub mix_builds: bool,
     /// How many missing units to name
     #[arg(long, value_name = "N", default_value = "10")]
     pub show: usize,
@@ -46,6 +49,7 @@ pub fn run(args: &MergeArgs, program: &Program) -> Outcome {
         parts: args.shards.clone(),
         out: args.out.clone(),
         force: args.force,
+        mix_builds: args.mix_builds,
         metrics: catalogue.metrics.clone(),
         exporters: catalogue.exporters.clone(),
         threads: args.threads.unwrap_or(0),
@@ -62,6 +66,9 @@ pub fn run(args: &MergeArgs, program: &Program) -> Outcome {
             );
             for (shard, count) in &missing.shards {
                 text += &format!("\n  {shard} lacks {count}");
+            }
+            for path in missing.unusable.iter().take(args.show) {
+                text += &format!("\n  {}: damaged, gone or cannot be read", path.display());
             }
             for unit in missing.missing.iter().take(args.show) {
                 text += &format!("\n  {unit}");

@@ -58,7 +58,7 @@ impl<'a> Progress<'a> {
     }
 
     fn say(&self, line: &str) {
-        self.bar.suspend(|| eprintln!("{line}"));
+        self.bar.suspend(|| self.console.line(line));
     }
 
     fn summary(&self, begin: &Begin) -> String {

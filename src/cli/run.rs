@@ -106,10 +106,13 @@ fn track(args: &RunArgs, words: &[String], program: &Program) -> Result<RunRepor
     let stop = stop_on_signals()?;
     if let Some(limit) = args.execution.max_time {
         let stop = Arc::clone(&stop);
-        std::thread::spawn(move || {
+        let wait = move || {
             std::thread::sleep(limit);
             stop.store(true, Ordering::Relaxed);
-        });
+        };
+        std::thread::Builder::new()
+            .spawn(wait)
+            .map_err(|e| Failure::new(exit::STOPPED, format!("cannot keep --max-time: no thread ({e})")))?;
     }
     let progress = Progress::new(&program.console, program.progress);
     let exporters = &program.catalogue.exporters;
@@ -121,11 +124,12 @@ fn request(args: &RunArgs, words: &[String], program: &Program) -> Result<RunReq
     let ExecutionArgs {
         out,
         force,
+        mix_builds,
         shard,
         threads,
         threads_per_tracker,
         memory,
-        max_time: _,
+        max_time,
         grace,
     } = args.execution.clone();
     let host = [("revision".to_owned(), option_env!("MTF_EVAL_REVISION").into())];
@@ -135,6 +139,8 @@ fn request(args: &RunArgs, words: &[String], program: &Program) -> Result<RunReq
         .memory(memory.unwrap_or_else(|| (machine_memory() / 2).min(RunRequest::MEMORY)))
         .shard(shard)
         .force(force)
+        .mix_builds(mix_builds)
+        .hurry(max_time.is_some())
         .grace(grace)
         .host(host.into_iter().collect());
     let out = match out {

@@ -40,6 +40,7 @@ pub fn run(args: &StatusArgs, program: &Program) -> Outcome {
         "units",
         "done",
         "failed",
+        "damaged",
         "missing",
         "frames",
         "left",
@@ -67,6 +68,12 @@ pub fn run(args: &StatusArgs, program: &Program) -> Outcome {
                 "{dir}: held by {holder}, which cannot be seen from here"
             )),
             Activity::Dead => console.note(&format!("{dir}: {holder} was killed; run again to go on")),
+        }
+        for path in s.unusable.iter().take(args.show.max(1)) {
+            console.warn(&format!(
+                "{}: damaged or gone, its unit will be tracked again",
+                path.display()
+            ));
         }
         for unit in s.missing_units.iter().take(args.show) {
             console.note(&format!("missing: {unit}"));
@@ -99,6 +106,7 @@ fn row(dir: &str, s: &Status) -> Vec<String> {
         s.units.to_string(),
         s.done.to_string(),
         s.failed.to_string(),
+        s.damaged.to_string(),
         s.missing.to_string(),
         format!("{percent:.1} %"),
         s.left_seconds.map_or(String::new(), clock),

@@ -188,19 +188,19 @@ impl SynthArgs {
     }
 }
 
-/// Renders what `args` ask for; a line on stderr for each sequence.
+/// Renders what `args` ask for; a line to `say` for each sequence.
 ///
 /// # Errors
 /// An option, an image or the folder is unusable (exit code 2).
-pub fn run(args: &SynthArgs) -> anyhow::Result<ExitCode> {
+pub fn run(args: &SynthArgs, say: &dyn Fn(&str)) -> anyhow::Result<ExitCode> {
     let report = |name: &str, w: &Written| {
-        eprintln!(
+        say(&format!(
             "{name}: {} frames, {:.2} MB, corner motion {:.2} px/frame (at most {:.2})",
             w.frames,
             w.bytes as f64 / 1e6,
             w.mean_speed,
             w.max_speed
-        );
+        ));
     };
     if args.list_textures {
         let mut out = std::io::stdout().lock();

@@ -5,8 +5,9 @@ use crate::judge::change::{Change, Matched, equal};
 use crate::judge::stats::{Pair, benjamini_hochberg, difference};
 use crate::metric::aggregate::{Average, Results, SequenceRow};
 use crate::metric::{Figure, MetricSet};
-use crate::store::FileError;
-use crate::store::summary::{self, Summary, Thresholds};
+use crate::store::held::finished;
+use crate::store::summary::{Summary, Thresholds};
+use crate::store::{FileError, StoreError};
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::Value;
@@ -50,9 +51,11 @@ impl FinishedRun {
     /// Reads a run directory for a program with `metrics`.
     ///
     /// # Errors
-    /// `summary.json` or `run.json` is missing or damaged.
-    pub fn read(dir: &Path, metrics: &MetricSet) -> Result<FinishedRun, FileError> {
-        let Summary { results, thresholds } = summary::read(dir, metrics)?;
+    /// `summary.json` or `run.json` is missing or damaged, or the run has not got to its end.
+    pub fn read(dir: &Path, metrics: &MetricSet) -> Result<FinishedRun, StoreError> {
+        let Summary {
+            results, thresholds, ..
+        } = finished(dir, metrics)?.summary;
         let path = dir.join("run.json");
         let text = std::fs::read(&path).map_err(|e| FileError::io(&path, e))?;
         let description = serde_json::from_slice(&text).map_err(|e| FileError::format(&path, e))?;

@@ -46,8 +46,13 @@ pub struct RunRequest {
     pub out: PathBuf,
     /// Discard what the directory holds from earlier runs.
     pub force: bool,
+    /// Keep results that another build of the program left in the directory.
+    pub mix_builds: bool,
     /// Where the corners go.
     pub frame_logs: FrameLogs,
+    /// The run will be stopped before its end, perhaps: units are to end one by one rather than many at once. Never changes a
+    /// result.
+    pub hurry: bool,
     /// Longest time the updates of one unit may take together before the unit fails.
     pub timeout: Option<Duration>,
     /// Longest time that units in progress are given to end once the run is asked to stop.
@@ -139,6 +144,18 @@ impl RunRequestBuilder {
     /// Whether to discard what the directory holds from earlier runs.
     pub fn force(mut self, force: bool) -> Self {
         self.request.force = force;
+        self
+    }
+
+    /// Whether to keep results that another build of the program left in the directory.
+    pub fn mix_builds(mut self, mix: bool) -> Self {
+        self.request.mix_builds = mix;
+        self
+    }
+
+    /// Whether units are to end one by one rather than many at once, because the run may be stopped. Never changes a result.
+    pub fn hurry(mut self, hurry: bool) -> Self {
+        self.request.hurry = hurry;
         self
     }
 
@@ -249,7 +266,9 @@ impl RunRequest {
                 memory: RunRequest::MEMORY,
                 out: PathBuf::new(),
                 force: false,
+                mix_builds: false,
                 frame_logs: FrameLogs::default(),
+                hurry: false,
                 timeout: None,
                 grace: RunRequest::GRACE,
                 about: Map::new(),

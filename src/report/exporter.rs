@@ -30,6 +30,8 @@ pub trait Exporter: Send + Sync {
 pub struct About {
     /// Heading of the plot, also in `summary.json`; must not name host, time or path if bytes are to be reproducible.
     pub title: String,
+    /// Checksum of what the results were made from; see [`ended_as`](crate::store::held::ended_as).
+    pub made_from: String,
     /// Whether the files hold the curves of single sequences (100 points each) besides the pooled ones.
     pub sequence_curves: bool,
 }
@@ -38,6 +40,7 @@ impl Default for About {
     fn default() -> Self {
         About {
             title: "Success rate".to_owned(),
+            made_from: String::new(),
             sequence_curves: true,
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::metric::Results;
 use crate::report::{About, Exporter};
-use crate::store::summary;
+use crate::store::summary::{self, Heading};
 use std::io::{self, Write};
 
 /// `summary.json`, which [`summary::read`] reads back.
@@ -18,6 +18,11 @@ impl Exporter for SummaryJson {
     }
 
     fn write(&self, results: &Results, about: &About, out: &mut dyn Write) -> io::Result<()> {
-        summary::write(out, results, &about.title, about.sequence_curves)
+        let heading = Heading {
+            title: &about.title,
+            made_from: &about.made_from,
+            sequence_curves: about.sequence_curves,
+        };
+        summary::write(out, results, heading)
     }
 }

@@ -21,17 +21,15 @@ pub enum RunError {
         /// Units requested.
         total: usize,
     },
-    /// Worker threads cannot be started.
-    #[error("cannot start worker threads: {0}")]
-    Threads(#[from] rayon::ThreadPoolBuildError),
+    /// Not even one worker thread can be started.
+    #[error(
+        "cannot start a worker thread ({0}): allow this user more processes or more memory (ulimit -u, ulimit -v)"
+    )]
+    Threads(std::io::Error),
 }
 
 impl From<FileError> for RunError {
     fn from(error: FileError) -> RunError {
-        let error = match error {
-            FileError::Io { path, source } => StoreError::io(&path, source),
-            FileError::Format { path, reason } => StoreError::Damaged { path, reason },
-        };
-        RunError::Store(error)
+        RunError::Store(error.into())
     }
 }

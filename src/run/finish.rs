@@ -6,13 +6,14 @@
 use crate::measure::machine::cpu_name;
 use crate::metric::aggregate::{Results, UnitResult, UnitStatus, aggregate_tracker};
 use crate::metric::{Errors, MetricSet};
-use crate::plan::{FrameLogs, Plan, Unit, UnitKey, UnitKeys};
+use crate::plan::{Plan, Unit, UnitKeys};
 use crate::report::{About, Exporters};
 use crate::run::error::RunError;
 use crate::store::Durable;
 use crate::store::StoreError;
 use crate::store::framelog::{parse_log, score_log, unpack_log};
-use crate::store::host::host_name;
+use crate::store::held::ended_as;
+use crate::store::host::{build, host_name};
 use crate::store::journal::{Entry, EntryStatus, Journal, UnitTime};
 use crate::store::rundir::{RunDir, digest};
 use crate::store::truth::{self, KeptTruth};
@@ -44,6 +45,7 @@ impl ResultSource<'_> {
     pub fn finish(&self, units: &[Unit], pool: &rayon::ThreadPool) -> Result<(Results, Failed), RunError> {
         // A tracker at a time, so that the errors of all frames of all trackers are never in memory together.
         let trackers: Vec<&[Unit]> = units.chunk_by(|a, b| a.tracker == b.tracker).collect();
+        let made_from = ended_as(self.journal, self.keys, units)?.unwrap_or_default();
         let parts: Vec<(Vec<(Unit, UnitTime)>, Failed, Results)> = pool.install(|| {
             let load = |units: &&[Unit]| -> Result<_, RunError> {
                 let (mut times, mut failed) = (Vec::new(), Vec::new());
@@ -82,6 +84,7 @@ impl ResultSource<'_> {
         write_timing(self.dir, self.plan, &times)?;
         let about = About {
             sequence_curves: units.len() <= CURVE_UNITS,
+            made_from,
             ..About::default()
         };
         self.exporters.write(self.dir.path(), &results, &about)?;
@@ -135,21 +138,6 @@ impl ResultSource<'_> {
     }
 }
 
-/// Whether the directory holds the unit's result.
-pub(crate) fn is_done(dir: &RunDir, plan: &Plan, unit: &Unit, journal: &Journal, key: &UnitKey) -> bool {
-    if journal.status(key) != Some(EntryStatus::Ok) {
-        return false;
-    }
-    // A line that cannot be read again is as good as none.
-    let Ok(Some(entry)) = journal.get(key) else {
-        return false;
-    };
-    match &entry.log {
-        Some(log) => fs::read(dir.log(plan, unit)).is_ok_and(|bytes| digest(&bytes) == *log),
-        None => plan.frame_logs == FrameLogs::None && entry.errors.is_some(),
-    }
-}
-
 /// What `run.json` says about this machine and execution.
 pub(crate) fn host(threads: usize) -> Map<String, Value> {
     let mut host = Map::new();
@@ -158,6 +146,7 @@ pub(crate) fn host(threads: usize) -> Map<String, Value> {
     host.insert("os".into(), std::env::consts::OS.into());
     host.insert("arch".into(), std::env::consts::ARCH.into());
     host.insert("threads".into(), threads.into());
+    host.insert("build".into(), build().into());
     host.insert("started".into(), crate::store::host::utc_now().into());
     host
 }
@@ -183,6 +172,7 @@ pub(crate) fn describe(
         dir.put(&path, &pretty(&value), Durable::Later)?;
     }
     let truth = truth::format(&plan.sequences, truth);
+    run["truth"] = digest(&truth).into();
     dir.put(&dir.path().join("truth.csv"), &truth, Durable::Now)?;
     dir.put(&path, &pretty(&run), Durable::Now)
 }

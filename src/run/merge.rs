@@ -7,16 +7,19 @@ use crate::metric::MetricSet;
 use crate::plan::{Cut, Plan, PlanError, Shard, Sharding, Unit, UnitKeys};
 use crate::report::Exporters;
 use crate::run::error::RunError;
-use crate::run::finish::{self, ResultSource, is_done};
+use crate::run::finish::{self, ResultSource};
 use crate::run::observer::Observer;
-use crate::run::runner::{RunReport, pool};
+use crate::run::pool::pool;
+use crate::run::runner::RunReport;
 use crate::store::StoreError;
-use crate::store::journal::{Entry, EntryStatus, Journal, JournalWriter};
+use crate::store::held::{Held, held};
+use crate::store::journal::{Entry, Journal, JournalWriter};
 use crate::store::lock::Holder;
-use crate::store::rundir::RunDir;
+use crate::store::rundir::{Recorded, RunDir};
 use crate::store::truth;
 use rayon::prelude::*;
-use serde_json::{Map, Value};
+use serde_json::Map;
+use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io;
@@ -31,6 +34,8 @@ pub struct MergeRequest {
     pub out: PathBuf,
     /// Discard what it holds.
     pub force: bool,
+    /// Join results of different builds of the program.
+    pub mix_builds: bool,
     /// The metrics; those that the shards were run with.
     pub metrics: MetricSet,
     /// What to write.
@@ -57,6 +62,8 @@ pub struct Missing {
     pub units: usize,
     /// Those without an end: tracker, sequence and start.
     pub missing: Vec<String>,
+    /// Journals and frame logs that are damaged, gone or cannot be read: why a unit that has ended counts as missing.
+    pub unusable: Vec<PathBuf>,
     /// The shards that they belong to, with the number of their missing units, where shards are what was run.
     pub shards: BTreeMap<String, usize>,
 }
@@ -73,19 +80,29 @@ struct Part {
 /// [`StoreError::Mismatch`] when directories are of different runs or disagree about a unit, [`StoreError::Locked`] when one
 /// is being written to, and what reading and writing may meet.
 pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, RunError> {
-    let mut sources: Vec<&PathBuf> = request
-        .parts
-        .iter()
-        .filter(|part| **part != request.out)
-        .collect();
+    let mut sources = distinct(&request.parts)?;
+    let is_out = |part: &PathBuf| same(part, &request.out);
+    if request.force
+        && let Some(part) = sources.iter().find(|part| is_out(part))
+    {
+        return Err(StoreError::Mismatch {
+            path: request.out.clone(),
+            reason: format!(
+                "it is also the shard {}, which --force would discard; leave --force out, or choose another directory",
+                part.display()
+            ),
+        }
+        .into());
+    }
+    sources.retain(|part| !is_out(part));
     if !request.force && request.out.join("run.json").exists() {
         // First, so that what it holds stays as it is.
-        sources.insert(0, &request.out);
+        sources.insert(0, request.out.clone());
     }
-    let mut first: Option<(Plan, PathBuf)> = None;
+    let mut first: Option<(Recorded, PathBuf)> = None;
     let mut parts = Vec::new();
     let mut cuts = BTreeSet::new();
-    for path in sources {
+    for path in &sources {
         if !path.join("run.json").exists() {
             // A job that never came to its start leaves nothing, or an empty folder.
             if path.exists()
@@ -111,31 +128,34 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
             .into());
         }
         let mut dir = RunDir::view(path);
-        let (plan, host) = dir.plan()?;
-        if let Some(shard) = host
-            .get("shard")
-            .and_then(Value::as_str)
-            .and_then(|s| s.parse::<Shard>().ok())
-        {
-            cuts.insert((shard.cut, shard.count));
-        }
-        dir.lay_out(&plan);
+        let recorded = dir.recorded()?;
+        cuts.extend(recorded.shard().map(|shard| (shard.cut, shard.count)));
+        dir.lay_out(&recorded.plan);
         let journal = Journal::read(&dir.journal())?;
+        if journal.damaged > 0 {
+            observer.warn(&format!(
+                "{}: {} damaged lines, their units count as missing",
+                dir.journal().display(),
+                journal.damaged
+            ));
+        }
         parts.push(Part { dir, journal });
         match &first {
-            None => first = Some((plan, path.clone())),
+            None => first = Some((recorded, path.clone())),
             Some((known, known_path)) => {
-                if let Some(difference) = known.difference(&plan) {
+                let truth = (known.truth != recorded.truth).then(|| "other ground truth than".to_owned());
+                let difference = known.plan.difference(&recorded.plan).map(|d| format!("{d} in"));
+                if let Some(difference) = difference.or(truth) {
                     return Err(StoreError::Mismatch {
                         path: path.clone(),
-                        reason: format!("{difference} in {}", known_path.display()),
+                        reason: format!("{difference} {}", known_path.display()),
                     }
                     .into());
                 }
             }
         }
     }
-    let Some((plan, first)) = first else {
+    let Some((Recorded { plan, truth, .. }, first)) = first else {
         return Err(PlanError::Nothing("no run directory").into());
     };
     if plan.metrics != request.metrics.added_names() {
@@ -147,30 +167,52 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
     }
     let keys = UnitKeys::new(&plan);
     let units: Vec<Unit> = plan.units().collect();
-    let pool = pool(request.threads)?;
-    let chosen: Vec<Option<usize>> = pool.install(|| {
+    let pool = pool(request.threads, &|text| observer.warn(text))?;
+    let chosen: Vec<Choice> = pool.install(|| {
         let choose = |unit: &Unit| choose(&parts, &plan, &keys, unit);
         units.par_iter().map(choose).collect::<Result<_, _>>()
     })?;
-    if chosen.iter().any(Option::is_none) {
-        let absent = units.iter().zip(&chosen).filter(|(_, part)| part.is_none());
-        let absent: Vec<Unit> = absent.map(|(unit, _)| *unit).collect();
-        return Ok(Merged::Incomplete(missing(&plan, &absent, &cuts)));
+    let absent = units
+        .iter()
+        .zip(&chosen)
+        .filter(|(_, choice)| choice.part.is_none());
+    let absent: Vec<Unit> = absent.map(|(unit, _)| *unit).collect();
+    if !absent.is_empty() {
+        let mut missing = missing(&plan, &absent, &cuts);
+        missing.unusable = chosen
+            .iter()
+            .filter_map(|choice| choice.unusable.clone())
+            .collect();
+        return Ok(Merged::Incomplete(missing));
     }
+    let builds = chosen.iter().filter_map(|choice| choice.build.clone()).collect();
+    one_origin(&request.out, &builds, request.mix_builds)?;
 
-    let truth = truth::read(&first.join("truth.csv"), &plan.sequences)?;
+    let truth = truth::read(&first.join("truth.csv"), &plan.sequences, &truth)?;
     let files: Vec<&str> = request.exporters.files().collect();
-    let (mut dir, _) = RunDir::open(&request.out, request.force, &files)?;
+    // What the directory held is discarded last: everything is there first, beside it.
+    let aside = request.force && request.out.exists();
+    let place = if aside {
+        beside(&request.out)?
+    } else {
+        request.out.clone()
+    };
+    if aside {
+        // Refuses what is no run directory, or is being written to.
+        drop(RunDir::open(&request.out, false, &files)?);
+    }
+    let (mut dir, _) = RunDir::open(&place, request.force, &files)?;
     dir.lay_out(&plan);
     let mut host = finish::host(pool.current_num_threads());
     host.insert("merged".into(), request.parts.len().into());
     host.extend(request.host.clone());
+    dir.discard_results(&files)?;
     finish::describe(&dir, &plan, &units, &truth, &host)?;
     let elsewhere: Vec<(&Unit, &Part)> = units
         .iter()
         .zip(&chosen)
-        .filter_map(|(unit, part)| Some((unit, &parts[(*part)?])))
-        .filter(|(_, part)| part.dir.path() != request.out)
+        .filter_map(|(unit, choice)| Some((unit, &parts[choice.part?])))
+        .filter(|(_, part)| aside || part.dir.path() != request.out)
         .collect();
     pool.install(|| {
         let copy = |&(unit, part): &(&Unit, &Part)| -> Result<(), StoreError> {
@@ -200,6 +242,11 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
         journal: &journal,
     };
     let (results, failed) = source.finish(&units, &pool)?;
+    drop(dir);
+    if aside {
+        let (old, _) = RunDir::open(&request.out, true, &files)?;
+        take_in(&place, &old)?;
+    }
     Ok(Merged::Complete(Box::new(RunReport {
         path: request.out.clone(),
         results,
@@ -210,35 +257,101 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
     })))
 }
 
-/// The part that has the unit's result, else one where it failed, else none.
-fn choose(parts: &[Part], plan: &Plan, keys: &UnitKeys, unit: &Unit) -> Result<Option<usize>, StoreError> {
-    let key = keys.of(unit);
-    let (mut best, mut failed): (Option<(usize, Entry)>, _) = (None, None);
-    for (index, part) in parts.iter().enumerate() {
-        match part.journal.status(&key) {
-            Some(EntryStatus::Failed) => failed = failed.or(Some(index)),
-            Some(EntryStatus::Ok) if is_done(&part.dir, plan, unit, &part.journal, &key) => {
-                let Some(entry) = part.journal.get(&key)? else {
-                    continue;
-                };
-                match &best {
-                    None => best = Some((index, entry)),
-                    Some((_, known)) => {
-                        if (&known.log, &known.errors, &known.grid)
-                            != (&entry.log, &entry.errors, &entry.grid)
-                        {
-                            return Err(StoreError::Mismatch {
-                                path: part.dir.path().to_path_buf(),
-                                reason: format!("another result of {}", plan.describe(unit)),
-                            });
-                        }
-                    }
-                }
-            }
-            _ => {}
+/// Each directory once, however often and by whatever path it is named.
+fn distinct(parts: &[PathBuf]) -> Result<Vec<PathBuf>, StoreError> {
+    let mut out: Vec<PathBuf> = Vec::new();
+    for part in parts {
+        if !out.iter().any(|known| same(known, part)) {
+            out.push(part.clone());
         }
     }
-    Ok(best.map(|(index, _)| index).or(failed))
+    Ok(out)
+}
+
+/// Whether two paths lead to one directory.
+fn same(a: &Path, b: &Path) -> bool {
+    match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => a == b,
+    }
+}
+
+/// A directory beside `out` that nothing else is in.
+fn beside(out: &Path) -> Result<PathBuf, StoreError> {
+    let out = out.canonicalize().map_err(|e| StoreError::io(out, e))?;
+    let mut name = out.file_name().unwrap_or_default().to_os_string();
+    name.push(".merged");
+    let place = out.with_file_name(name);
+    match fs::remove_dir_all(&place) {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(StoreError::io(&place, e)),
+        _ => Ok(place),
+    }
+}
+
+/// Moves all files of the directory `from` into the run directory `to`, which was emptied. The journal goes last: without
+/// it, the merge is to be done again.
+fn take_in(from: &Path, to: &RunDir) -> Result<(), StoreError> {
+    let entries = fs::read_dir(from).map_err(|e| StoreError::io(from, e))?;
+    let mut names: Vec<_> = entries.flatten().map(|entry| entry.file_name()).collect();
+    names.retain(|name| name != ".lock");
+    names.sort_by_key(|name| name == "journal.jsonl");
+    for name in names {
+        let (old, new) = (from.join(&name), to.path().join(&name));
+        fs::rename(&old, &new).map_err(|e| StoreError::io(&new, e))?;
+    }
+    fs::remove_dir_all(from).map_err(|e| StoreError::io(from, e))
+}
+
+/// Checks that results of several parts were made by one build, unless they may be mixed.
+fn one_origin(path: &Path, builds: &BTreeSet<String>, mix: bool) -> Result<(), StoreError> {
+    if builds.len() < 2 || mix {
+        return Ok(());
+    }
+    let builds: Vec<&str> = builds.iter().map(String::as_str).collect();
+    Err(StoreError::OtherBuild {
+        path: path.to_path_buf(),
+        builds: builds.join(", "),
+    })
+}
+
+/// Where a unit's result is to come from.
+#[derive(Default)]
+struct Choice {
+    /// The part that has the result, else one where the unit failed, else none.
+    part: Option<usize>,
+    /// The build that made it.
+    build: Option<String>,
+    /// A file that kept a part from being taken.
+    unusable: Option<PathBuf>,
+}
+
+fn choose(parts: &[Part], plan: &Plan, keys: &UnitKeys, unit: &Unit) -> Result<Choice, StoreError> {
+    let key = keys.of(unit);
+    let mut best: Option<(usize, Box<Entry>)> = None;
+    let mut choice = Choice::default();
+    for (index, part) in parts.iter().enumerate() {
+        match held(&part.dir, plan, unit, &part.journal, &key) {
+            Held::Nothing => {}
+            Held::Unusable(path) => choice.unusable = Some(path),
+            Held::Failed(_) => choice.part = choice.part.or(Some(index)),
+            Held::Result(entry) => match &best {
+                None => best = Some((index, entry)),
+                Some((_, known)) => {
+                    if (&known.log, &known.errors, &known.grid) != (&entry.log, &entry.errors, &entry.grid) {
+                        return Err(StoreError::Mismatch {
+                            path: part.dir.path().to_path_buf(),
+                            reason: format!("another result of {}", plan.describe(unit)),
+                        });
+                    }
+                }
+            },
+        }
+    }
+    if let Some((index, entry)) = best {
+        choice.part = Some(index);
+        choice.build = Some(entry.build);
+    }
+    Ok(choice)
 }
 
 fn missing(plan: &Plan, absent: &[Unit], cuts: &BTreeSet<(Cut, u32)>) -> Missing {
@@ -258,6 +371,7 @@ fn missing(plan: &Plan, absent: &[Unit], cuts: &BTreeSet<(Cut, u32)>) -> Missing
     Missing {
         units: plan.len(),
         missing: absent.iter().map(|unit| plan.describe(unit)).collect(),
+        unusable: Vec::new(),
         shards,
     }
 }

@@ -6,12 +6,14 @@ mod finish;
 pub mod merge;
 mod observer;
 mod pass;
+mod pool;
 pub mod profile;
 mod runner;
 mod schedule;
 
 pub use error::RunError;
 pub use observer::{Observer, Silent};
+pub use pool::pool;
 pub use runner::{RunReport, run};
 
 #[cfg(test)]

@@ -14,7 +14,18 @@ use std::time::Instant;
 pub(crate) struct Ready {
     pub index: usize,
     pub frame: Frame,
+    /// Its gray image is made.
+    pub gray: bool,
+    /// Its colour image is.
+    pub colour: bool,
     pub seconds: f64,
+}
+
+impl Ready {
+    /// Whether a tracker that reads so many channels finds them made.
+    pub fn has(&self, channels: usize) -> bool {
+        if channels == 1 { self.gray } else { self.colour }
+    }
 }
 
 /// Makes a tracker that is to start on the given frame.

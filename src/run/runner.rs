@@ -6,13 +6,19 @@ use crate::report::Exporters;
 use crate::run::error::RunError;
 use crate::run::finish::{self, ResultSource};
 use crate::run::observer::Observer;
+use crate::run::pool::pool;
 use crate::run::profile::{Profile, Spent};
-use crate::run::schedule::{Context, groups, groups_at_once, run_units};
+use crate::run::schedule::{Context, Pace, groups, groups_at_once, run_units};
+use crate::store::StoreError;
+use crate::store::held::{Held, held};
+use crate::store::host::build;
 use crate::store::journal::{EntryStatus, Journal, JournalWriter};
 use crate::store::rundir::RunDir;
 use crate::store::truth;
 use rayon::prelude::*;
-use std::path::PathBuf;
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, OnceLock, mpsc};
 use std::time::Instant;
@@ -63,7 +69,7 @@ pub fn run(
         }
     };
     units.shrink_to_fit();
-    let pool = pool(request.threads)?;
+    let pool = pool(request.threads, &|text| observer.warn(text))?;
     let threads = pool.current_num_threads();
     let files: Vec<&str> = exporters.files().collect();
     let (mut dir, dead) = RunDir::open(&request.out, request.force, &files)?;
@@ -85,13 +91,28 @@ pub fn run(
         ));
     }
     let truth = truth::of(&prepared);
-    let done = pool.install(|| -> Vec<bool> {
-        let done = |unit: &Unit| finish::is_done(&dir, plan, unit, &journal, &keys.of(unit));
-        units.par_iter().map(done).collect()
+    let mut done = Vec::new();
+    let mut builds = BTreeSet::new();
+    let found: Vec<Option<String>> = pool.install(|| {
+        let found = |unit: &Unit| match held(&dir, plan, unit, &journal, &keys.of(unit)) {
+            Held::Result(entry) => Some(entry.build),
+            _ => None,
+        };
+        units.par_iter().map(found).collect()
     });
+    for build in found {
+        done.push(build.is_some());
+        builds.extend(build);
+    }
+    one_build(&request.out, builds, request.mix_builds)?;
+    let last = Last::of(&dir);
     let mut host = finish::host(threads);
     host.insert("shard".into(), request.shard.map(|s| s.to_string()).into());
+    host.insert("held".into(), done.iter().filter(|done| **done).count().into());
     host.extend(request.host.clone());
+    if done.contains(&false) {
+        dir.discard_results(&files)?;
+    }
     finish::describe(&dir, plan, &units, &truth, &host)?;
 
     let mut pending: Vec<Unit> = units
@@ -125,19 +146,24 @@ pub fn run(
             stopped: OnceLock::new(),
             broken: AtomicBool::new(false),
             error: Mutex::new(None),
-            at_once: groups_at_once(threads, largest, groups.len()),
+            pace: Pace::new(request.hurry || last.stopped, last.held == Some(resumed), threads),
+            at_once: match last.held == Some(resumed) {
+                true => 1,
+                false => groups_at_once(threads, largest, groups.len()),
+            },
             pool: &pool,
             spent: Spent::default(),
         };
         let begin = Instant::now();
         std::thread::scope(|scope| {
             let context = &context;
-            scope.spawn(move || {
-                writer
+            let drive = move || run_units(context, journal, groups);
+            match std::thread::Builder::new().spawn_scoped(scope, drive) {
+                Ok(_) => writer
                     .serve(finished)
-                    .unwrap_or_else(|error| context.fail(error.into()))
-            });
-            run_units(context, journal, groups);
+                    .unwrap_or_else(|error| context.fail(error.into())),
+                Err(error) => context.fail(RunError::Threads(error)),
+            }
         });
         observer.end();
         profile = Some(context.spent.profile(begin.elapsed().as_secs_f64(), threads));
@@ -177,11 +203,37 @@ pub fn run(
     })
 }
 
-/// Worker threads; 0 for one per core.
-pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, RunError> {
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .thread_name(|i| format!("worker {i}"))
-        .build()
-        .map_err(RunError::from)
+/// What the run before in the same directory left.
+#[derive(Default)]
+struct Last {
+    /// It did not get to its end.
+    stopped: bool,
+    /// Results that it had when it began.
+    held: Option<usize>,
+}
+
+impl Last {
+    fn of(dir: &RunDir) -> Last {
+        let Ok(recorded) = dir.recorded() else {
+            return Last::default();
+        };
+        let held = recorded.host.get("held").and_then(Value::as_u64);
+        Last {
+            stopped: true,
+            held: held.map(|n| n as usize),
+        }
+    }
+}
+
+/// Checks that this build of the program made all results, unless they may be mixed.
+pub(crate) fn one_build(path: &Path, mut builds: BTreeSet<String>, mix: bool) -> Result<(), StoreError> {
+    builds.remove(build());
+    if builds.is_empty() || mix {
+        return Ok(());
+    }
+    let others: Vec<String> = builds.into_iter().collect();
+    Err(StoreError::OtherBuild {
+        path: path.to_path_buf(),
+        builds: format!("this is {}, they are of {}", build(), others.join(", ")),
+    })
 }

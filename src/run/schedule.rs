@@ -1,11 +1,12 @@
 //! Runs units: each frame of a sequence is decoded and filtered once and given to every tracker of a group.
 //!
-//! Frames are decoded a window ahead while the trackers of the group work through the current window in parallel, so
-//! memory does not depend on a sequence's length (but for its log rows, which count towards the size of a group) and a
-//! long sequence with many trackers keeps all cores as busy as many sequences with one. A group is at most
-//! [`GROUP`] trackers, so that an interruption costs little. As many groups run at once as it takes to fill the threads,
-//! and one more to fill in where a group waits for its slowest; each is driven by a plain thread that hands windows to one
-//! pool, so nesting stays bounded.
+//! Frames are decoded a window ahead while the first trackers of a group work through the current window in parallel. Where
+//! the frames of the whole sequence fit into memory, they are kept, and the other units of the group go through them one
+//! after another on each thread: each is written as it ends, so that an interruption costs no more than the units in
+//! progress. Where they do not fit, all trackers of the group go from window to window together, so memory does not depend
+//! on a sequence's length (but for its log rows, which count towards the size of a group); their [`Pace`] says how many
+//! those are. As many groups run at once as it takes to fill the threads, and one more to fill in where a group waits for
+//! its slowest; each is driven by a plain thread that hands work to one pool, so nesting stays bounded.
 
 use crate::dataset::Sequence;
 use crate::metric::quantile;
@@ -15,17 +16,17 @@ use crate::run::error::RunError;
 use crate::run::observer::Observer;
 use crate::run::pass::{Pass, Ready};
 use crate::run::profile::{Activity, Spent};
+use crate::store::Durable;
 use crate::store::framelog::{Row, format_log, pack_log, score_log};
+use crate::store::host::build;
 use crate::store::journal::{Entry, EntryStatus, Finished, UnitTime};
 use crate::store::rundir::{RunDir, digest};
-use crate::store::Durable;
-use crate::store::host::build;
 use mtf::image::Frame;
 use mtf::tracker::Tracker;
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Instant;
@@ -34,8 +35,10 @@ use std::time::Instant;
 const GROUP: usize = 256;
 /// Most frames decoded ahead.
 const WINDOW: usize = 16;
-/// Share of the memory budget that decoded frames may take.
+/// Share of the memory budget that frames decoded ahead may take.
 const FRAME_SHARE: u64 = 8;
+/// Share of the memory budget that kept sequences may take.
+const KEPT_SHARE: u64 = 2;
 /// Bytes a frame costs a unit until its log is written.
 const ROW_BYTES: u64 = (size_of::<Row>() + size_of::<f32>()) as u64;
 
@@ -54,9 +57,28 @@ pub(crate) struct Context<'a> {
     pub broken: AtomicBool,
     pub error: Mutex<Option<RunError>>,
     pub pool: &'a rayon::ThreadPool,
+    pub pace: Pace,
     /// Groups that run at once.
     pub at_once: usize,
     pub spent: Spent,
+}
+
+/// How many units go through a sequence together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Pace {
+    /// Where all frames are kept: those that go first, while frames are decoded.
+    first: usize,
+    /// Where they are not: those of the first group. Each further group is twice as large.
+    alone: usize,
+}
+
+impl Pace {
+    /// Of a run that will be stopped soon, perhaps (`hurry`), or that was stopped before it got anything done (`stuck`).
+    pub fn new(hurry: bool, stuck: bool, threads: usize) -> Pace {
+        let first = if stuck { 1 } else { threads };
+        let alone = if hurry || stuck { first } else { GROUP };
+        Pace { first, alone }
+    }
 }
 
 impl Context<'_> {
@@ -111,18 +133,21 @@ pub(crate) fn run_units(context: &Context<'_>, journal: SyncSender<Finished>, mu
     });
     let work = Mutex::new(VecDeque::from(pending));
     let journal = &journal;
-    std::thread::scope(|scope| {
-        for _ in 0..context.at_once {
-            scope.spawn(|| {
-                while !context.stopping() {
-                    let next = work.lock().unwrap_or_else(|e| e.into_inner()).pop_front();
-                    match next {
-                        Some(units) => run_sequence(context, journal, units),
-                        None => break,
-                    }
-                }
-            });
+    let drive = || {
+        while !context.stopping() {
+            let next = work.lock().unwrap_or_else(|e| e.into_inner()).pop_front();
+            match next {
+                Some(units) => run_sequence(context, journal, units),
+                None => break,
+            }
         }
+    };
+    std::thread::scope(|scope| {
+        // Where the system grants no more threads, this one does it all.
+        for _ in 1..context.at_once {
+            let _ = std::thread::Builder::new().spawn_scoped(scope, drive);
+        }
+        drive();
     });
 }
 
@@ -132,10 +157,17 @@ fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[
     let budget = context.request.memory / context.at_once as u64;
     let mut waiting: VecDeque<&Unit> = units.iter().collect();
     let mut unreadable: Option<String> = None;
+    let mut together = context.pace.alone;
     while !waiting.is_empty() && !context.stopping() {
+        let mut kept = Kept::new(context, sequence, &waiting);
+        let most = if kept.is_wanted() {
+            context.pace.first
+        } else {
+            together
+        };
         let mut group = Vec::new();
         let mut bytes = 0;
-        while let Some(&unit) = waiting.front() {
+        while let Some(&unit) = waiting.front().filter(|_| group.len() < most) {
             let pass = prepare(context, unit, unreadable.as_deref());
             bytes += memory(sequence, &pass);
             // The first tracker over the budget is made again for the next group.
@@ -145,7 +177,7 @@ fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[
             group.push(pass);
             waiting.pop_front();
         }
-        let read = run_group(context, sequence, budget, &mut group, &mut waiting);
+        let read = run_group(context, sequence, budget, &mut group, &mut waiting, &mut kept);
         if context.halted() {
             return;
         }
@@ -158,7 +190,109 @@ fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[
                 context.spent.on(Activity::Writing, write);
             });
         });
+        match kept.whole() {
+            Some(frames) => waiting = run_each(context, journal, frames, budget, waiting),
+            None => together = (2 * together).min(GROUP),
+        }
     }
+}
+
+/// Runs each of the units `waiting` through the frames of its sequence, and writes it as it ends. Those that need other
+/// frames, or for whose tracker there is no room beside the others, are returned.
+fn run_each<'a>(
+    context: &Context<'_>,
+    journal: &SyncSender<Finished>,
+    frames: &[Ready],
+    budget: u64,
+    waiting: VecDeque<&'a Unit>,
+) -> VecDeque<&'a Unit> {
+    let left = Mutex::new(VecDeque::new());
+    let leave = |unit| left.lock().unwrap_or_else(|e| e.into_inner()).push_back(unit);
+    let used = AtomicU64::new(0);
+    let run = |unit: &'a Unit| {
+        if context.stopping() {
+            return;
+        }
+        let sequence = context.sequence(unit);
+        let mut pass = prepare(context, unit, None);
+        let bytes = memory(sequence, &pass);
+        let channels = pass.tracker.as_ref().map(|t| t.channels());
+        let there = frames
+            .first()
+            .is_some_and(|ready| ready.index <= unit.start as usize && channels.is_none_or(|n| ready.has(n)));
+        if !there {
+            return leave(unit);
+        }
+        if used.fetch_add(bytes, Ordering::Relaxed) + bytes > budget {
+            used.fetch_sub(bytes, Ordering::Relaxed);
+            return leave(unit);
+        }
+        let track = || track_window(context, sequence, &mut pass, frames);
+        let ended = context.spent.on(Activity::Tracking, track);
+        if ended {
+            let write = || finish(context, journal, sequence, pass);
+            context.spent.on(Activity::Writing, write);
+        }
+        used.fetch_sub(bytes, Ordering::Relaxed);
+    };
+    context.pool.install(|| {
+        let waiting: Vec<&Unit> = waiting.into();
+        waiting.into_par_iter().with_max_len(1).for_each(run);
+    });
+    left.into_inner().unwrap_or_else(|e| e.into_inner())
+}
+
+/// The frames of a sequence, kept for the units that follow the first ones.
+struct Kept {
+    frames: Vec<Ready>,
+    /// Frames that there will be; `None` when they are not kept.
+    count: Option<usize>,
+    /// Bytes they may take.
+    room: u64,
+}
+
+impl Kept {
+    /// For the units `waiting` of `sequence`, if there are more than go first and there is room.
+    fn new(context: &Context<'_>, sequence: &Sequence, waiting: &VecDeque<&Unit>) -> Kept {
+        let first = waiting.iter().map(|unit| unit.start as usize).min();
+        let count = sequence.len() - first.unwrap_or(0);
+        let mut kept = Kept {
+            frames: Vec::new(),
+            count: (waiting.len() > context.pace.first).then_some(count),
+            room: context.request.memory / KEPT_SHARE / context.at_once as u64,
+        };
+        kept.fit(frame_bytes((sequence.width(), sequence.height()), true, false));
+        kept
+    }
+
+    /// Gives up if frames of so many bytes do not fit.
+    fn fit(&mut self, bytes: u64) {
+        self.count = self
+            .count
+            .filter(|&n| (n as u64).saturating_mul(bytes) <= self.room);
+    }
+
+    fn is_wanted(&self) -> bool {
+        self.count.is_some()
+    }
+
+    fn add(&mut self, window: Vec<Ready>) {
+        if self.is_wanted() {
+            self.frames.extend(window);
+        }
+    }
+
+    /// All of them, if they were kept.
+    fn whole(&self) -> Option<&[Ready]> {
+        (self.count? == self.frames.len()).then_some(&self.frames)
+    }
+}
+
+/// Bytes of a frame of `size`: its pixels, and its planes with their pyramids, which take a third as much again.
+fn frame_bytes((width, height): (usize, usize), gray: bool, colour: bool) -> u64 {
+    let planes = u64::from(gray) + 3 * u64::from(colour);
+    let pixels = (width * height) as u64;
+    pixels * (1 + 2 * u64::from(colour)) + pixels * 4 * planes * 4 / 3
 }
 
 /// Bytes that a unit takes.
@@ -198,6 +332,7 @@ fn run_group<'a>(
     budget: u64,
     group: &mut Vec<Pass<'a>>,
     waiting: &mut VecDeque<&'a Unit>,
+    kept: &mut Kept,
 ) -> Result<(), String> {
     let Some(first) = group
         .iter()
@@ -228,8 +363,8 @@ fn run_group<'a>(
         }
     };
     let ahead = window.first().map_or(WINDOW, |ready| {
-        let planes = 4 * (usize::from(gray) + 3 * usize::from(colour)) + 1 + 2 * usize::from(colour);
-        let bytes = (ready.frame.width() * ready.frame.height() * planes) as u64;
+        let bytes = frame_bytes((ready.frame.width(), ready.frame.height()), gray, colour);
+        kept.fit(bytes);
         let room = context.request.memory / FRAME_SHARE / context.at_once as u64 / 2;
         ((room / bytes.max(1)) as usize).clamp(1, WINDOW)
     });
@@ -252,6 +387,7 @@ fn run_group<'a>(
         waiting.push_front(pass.unit);
     }
     let upcoming = |from: usize| from..sequence.len().min(from + ahead);
+    kept.add(window);
     let mut next = context.pool.install(|| read(upcoming(first + 1)));
     loop {
         let window = match next {
@@ -261,7 +397,8 @@ fn run_group<'a>(
                 return Err(reason);
             }
         };
-        let idle = group.iter().all(Pass::is_over);
+        // Frames that are kept are read to the end: the next units need them.
+        let idle = !kept.is_wanted() && group.iter().all(Pass::is_over);
         let Some(last) = window.last().filter(|_| !idle && !context.halted()) else {
             return Ok(());
         };
@@ -277,6 +414,7 @@ fn run_group<'a>(
                 || read(following),
             )
         });
+        kept.add(window);
     }
 }
 
@@ -315,6 +453,8 @@ fn decode(
         Ok(Ready {
             index,
             frame,
+            gray,
+            colour,
             seconds: begin.elapsed().as_secs_f64(),
         })
     };
@@ -322,8 +462,8 @@ fn decode(
     frames.into_iter().collect()
 }
 
-/// One tracker through one window, in order.
-fn track_window(context: &Context<'_>, sequence: &Sequence, pass: &mut Pass<'_>, window: &[Ready]) {
+/// One tracker through one window, in order; false when it was given up before the end.
+fn track_window(context: &Context<'_>, sequence: &Sequence, pass: &mut Pass<'_>, window: &[Ready]) -> bool {
     let start = pass.unit.start as usize;
     let unit = pass.unit;
     let make_at = |frame: u32| make(context, unit, frame);
@@ -333,7 +473,7 @@ fn track_window(context: &Context<'_>, sequence: &Sequence, pass: &mut Pass<'_>,
             break;
         }
         if context.halted() {
-            return;
+            return false;
         }
         done += pass.advance(ready, sequence, &make_at);
         if let Some(limit) = context.request.timeout {
@@ -344,6 +484,7 @@ fn track_window(context: &Context<'_>, sequence: &Sequence, pass: &mut Pass<'_>,
         }
     }
     context.observer.frames(done as u64);
+    true
 }
 
 /// Writes the unit's log and sends its line to the journal.

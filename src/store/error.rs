@@ -1,5 +1,6 @@
 //! What may be wrong with a run directory and its files.
 
+use crate::store::file::FileError;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -104,6 +105,15 @@ impl StoreError {
                 path: path.to_path_buf(),
                 source,
             },
+        }
+    }
+}
+
+impl From<FileError> for StoreError {
+    fn from(error: FileError) -> StoreError {
+        match error {
+            FileError::Io { path, source } => StoreError::io(&path, source),
+            FileError::Format { path, reason } => StoreError::Damaged { path, reason },
         }
     }
 }

@@ -1,6 +1,6 @@
 //! A run directory: its lock, its atomic writes and its file names.
 
-use crate::plan::{FrameLogs, Plan, RUN_FORMAT_VERSION, Unit};
+use crate::plan::{FrameLogs, Plan, RUN_FORMAT_VERSION, Shard, Unit};
 use crate::store::Durable;
 use crate::store::atomic::{UNFINISHED, replace};
 use crate::store::error::StoreError;
@@ -31,6 +31,25 @@ pub struct RunDir {
     fan_trackers: bool,
     /// Logs of a tracker on a data set are.
     fan_logs: bool,
+}
+
+/// What `run.json` records.
+#[derive(Clone, Debug)]
+pub struct Recorded {
+    /// The run.
+    pub plan: Plan,
+    /// SHA-256 of `truth.csv`.
+    pub truth: String,
+    /// The machine and the execution.
+    pub host: Map<String, Value>,
+}
+
+impl Recorded {
+    /// The part of the plan that the directory is for; all of it without.
+    pub fn shard(&self) -> Option<Shard> {
+        let shard = self.host.get("shard").and_then(Value::as_str);
+        shard.and_then(|s| s.parse().ok())
+    }
 }
 
 impl RunDir {
@@ -77,11 +96,11 @@ impl RunDir {
         self.fan_logs = logs.values().any(|&n| n > FAN_OUT);
     }
 
-    /// The plan and host stamp that `run.json` records.
+    /// What `run.json` records.
     ///
     /// # Errors
     /// There is none, or it is of another version of the program's formats.
-    pub fn plan(&self) -> Result<(Plan, Map<String, Value>), StoreError> {
+    pub fn recorded(&self) -> Result<Recorded, StoreError> {
         let no_run = |reason: String| StoreError::NoRun {
             path: self.path.clone(),
             reason,
@@ -97,13 +116,17 @@ impl RunDir {
             Some(Value::Object(host)) => host,
             _ => Map::new(),
         };
+        let truth = match value.remove("truth") {
+            Some(Value::String(truth)) => truth,
+            _ => return Err(no_run("run.json does not say of which ground truth it is".into())),
+        };
         match value.get("schema_version").and_then(Value::as_u64) {
             Some(version) if version == u64::from(RUN_FORMAT_VERSION) => {}
             _ => return Err(no_run("run.json is of another version of the program".into())),
         }
         let plan =
             serde_json::from_value(Value::Object(value)).map_err(|e| no_run(format!("run.json: {e}")))?;
-        Ok((plan, host))
+        Ok(Recorded { plan, truth, host })
     }
 
     /// Removes unfinished files that a killed run left: at the top, and `below` it too.

@@ -1,13 +1,14 @@
 //! How far a run directory is, whoever writes to it.
 
-use crate::plan::{Shard, Sharding, Unit, UnitKeys};
+use crate::plan::UnitKeys;
 use crate::store::error::StoreError;
+use crate::store::held::{Held, held, units_of};
 use crate::store::journal::{EntryStatus, Journal};
 use crate::store::lock::Holder;
 use crate::store::rundir::RunDir;
 use serde::Serialize;
 use serde_json::Value;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 use time::OffsetDateTime;
 use time::format_description::well_known::Rfc3339;
@@ -42,6 +43,9 @@ pub struct Status {
     pub done: usize,
     /// Those that failed.
     pub failed: usize,
+    /// Those whose result cannot be used: a line of the journal or a frame log is damaged or gone. They will be tracked
+    /// again, and count as missing; looked for only while nobody works on the directory.
+    pub damaged: usize,
     /// Those without an end.
     pub missing: usize,
     /// Frames of all units.
@@ -55,6 +59,9 @@ pub struct Status {
     /// Units without an end: tracker, sequence and start.
     #[serde(skip)]
     pub missing_units: Vec<String>,
+    /// Files that are damaged or gone.
+    #[serde(skip)]
+    pub unusable: Vec<PathBuf>,
     /// Units that failed, and why.
     #[serde(skip)]
     pub failures: Vec<(String, String)>,
@@ -66,20 +73,15 @@ pub struct Status {
 /// It is no run directory, or cannot be read.
 pub fn status(path: &Path) -> Result<Status, StoreError> {
     let mut dir = RunDir::view(path);
-    let (plan, host) = dir.plan()?;
-    dir.lay_out(&plan);
-    let keys = UnitKeys::new(&plan);
-    let shard: Option<Shard> = host
-        .get("shard")
+    let recorded = dir.recorded()?;
+    let plan = &recorded.plan;
+    dir.lay_out(plan);
+    let keys = UnitKeys::new(plan);
+    let began = recorded
+        .host
+        .get("started")
         .and_then(Value::as_str)
-        .and_then(|s| s.parse().ok());
-    let sharding = shard.map(|s| (Sharding::new(&plan, s.cut, s.count), s.index));
-    let mine = |unit: &Unit| {
-        sharding
-            .as_ref()
-            .is_none_or(|(cut, index)| cut.of(unit) == *index)
-    };
-    let began = host.get("started").and_then(Value::as_str).unwrap_or_default();
+        .unwrap_or_default();
     let holder = Holder::of(path);
     let activity = match holder.as_ref().map(|h| h.alive) {
         None => Activity::Idle,
@@ -91,46 +93,58 @@ pub fn status(path: &Path) -> Result<Status, StoreError> {
     let mut status = Status {
         activity,
         holder: holder.map(|h| h.text),
-        shard: shard.map(|s| s.to_string()),
+        shard: recorded.shard().map(|s| s.to_string()),
         units: 0,
         done: 0,
         failed: 0,
+        damaged: 0,
         missing: 0,
         frames: 0,
         frames_done: 0,
         last: None,
         left_seconds: None,
         missing_units: Vec::new(),
+        unusable: Vec::new(),
         failures: Vec::new(),
     };
     let mut this_run = 0;
-    for unit in plan.units().filter(mine) {
+    for unit in units_of(&recorded) {
         let frames = plan.unit_frames(&unit);
         status.units += 1;
         status.frames += frames;
         let key = keys.of(&unit);
-        match journal.status(&key) {
-            None => status.missing_units.push(plan.describe(&unit)),
-            Some(ended) => {
-                status.frames_done += frames;
-                status.done += usize::from(ended == EntryStatus::Ok);
-                if let Some(entry) = journal.get(&key)? {
-                    // RFC 3339 in UTC sorts as text.
-                    if entry.time.finished.as_str() >= began {
-                        this_run += frames;
-                    }
-                    if status
-                        .last
-                        .as_ref()
-                        .is_none_or(|last| *last < entry.time.finished)
-                    {
-                        status.last = Some(entry.time.finished);
-                    }
-                    if let Some(reason) = entry.reason {
-                        status.failures.push((plan.describe(&unit), reason));
-                    }
+        // Logs are read only when they are to stay as they are.
+        let entry = match activity {
+            Activity::Idle | Activity::Dead => match held(&dir, plan, &unit, &journal, &key) {
+                Held::Nothing => None,
+                Held::Failed(entry) | Held::Result(entry) => Some(*entry),
+                Held::Unusable(path) => {
+                    status.damaged += 1;
+                    status.unusable.push(path);
+                    None
                 }
-            }
+            },
+            Activity::Running | Activity::Elsewhere => journal.get(&key)?,
+        };
+        let Some(entry) = entry else {
+            status.missing_units.push(plan.describe(&unit));
+            continue;
+        };
+        status.frames_done += frames;
+        status.done += usize::from(entry.status == EntryStatus::Ok);
+        // RFC 3339 in UTC sorts as text.
+        if entry.time.finished.as_str() >= began {
+            this_run += frames;
+        }
+        if status
+            .last
+            .as_ref()
+            .is_none_or(|last| *last < entry.time.finished)
+        {
+            status.last = Some(entry.time.finished);
+        }
+        if let Some(reason) = entry.reason {
+            status.failures.push((plan.describe(&unit), reason));
         }
     }
     status.failed = status.failures.len();

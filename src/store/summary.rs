@@ -4,7 +4,7 @@ use crate::metric::aggregate::{
     Average, CurveRow, Results, SequenceRow, SummaryRow, TrackerName, UnitStatus,
 };
 use crate::metric::{MetricSet, Score};
-use crate::store::file::FileError;
+pub use crate::store::file::FileError;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
@@ -35,6 +35,8 @@ struct Document<'a> {
     version: &'static str,
     #[serde(skip_serializing_if = "str::is_empty")]
     title: &'a str,
+    #[serde(skip_serializing_if = "str::is_empty")]
+    made_from: &'a str,
     thresholds: Thresholds,
     trackers: Vec<Tracker<'a>>,
 }
@@ -53,7 +55,6 @@ struct Tracker<'a> {
 impl<'a> Document<'a> {
     /// Rows of `results` by tracker, in the order of `order`; of the curves those that are to be kept.
     fn new(
-        title: &'a str,
         results: &'a Results,
         order: &[&'a TrackerName],
         keep: impl Fn(&CurveRow) -> bool,
@@ -90,27 +91,44 @@ impl<'a> Document<'a> {
             schema_version: SUMMARY_FORMAT_VERSION,
             tool: env!("CARGO_PKG_NAME"),
             version: env!("CARGO_PKG_VERSION"),
-            title,
+            title: "",
+            made_from: "",
             thresholds: thresholds(&results.metrics),
             trackers,
         }
     }
 }
 
-/// Writes the file, on one line: with the curves of single sequences or with the pooled ones alone.
+/// What `summary.json` says about the run as a whole.
+#[derive(Clone, Copy, Debug)]
+pub struct Heading<'a> {
+    /// Heading of the run's plot.
+    pub title: &'a str,
+    /// [Checksum](crate::store::held::ended_as) of what the results were made from.
+    pub made_from: &'a str,
+    /// With the curves of single sequences, besides the pooled ones.
+    pub sequence_curves: bool,
+}
+
+/// Writes the file, on one line.
 ///
 /// # Errors
 /// What the system says.
-pub fn write(out: &mut dyn Write, results: &Results, title: &str, sequence_curves: bool) -> io::Result<()> {
+pub fn write(out: &mut dyn Write, results: &Results, heading: Heading<'_>) -> io::Result<()> {
     let order: Vec<&TrackerName> = results.summary.iter().map(|r| &r.tracker).collect();
-    let keep = |c: &CurveRow| sequence_curves || c.is_pooled();
-    serde_json::to_writer(&mut *out, &Document::new(title, results, &order, keep))?;
+    let keep = |c: &CurveRow| heading.sequence_curves || c.is_pooled();
+    let document = Document {
+        title: heading.title,
+        made_from: heading.made_from,
+        ..Document::new(results, &order, keep)
+    };
+    serde_json::to_writer(&mut *out, &document)?;
     writeln!(out)
 }
 
 /// The document without curves, indented, trackers in the given order: for standard output.
 pub fn document(results: &Results, order: &[&TrackerName]) -> String {
-    let document = Document::new("", results, order, |_| false);
+    let document = Document::new(results, order, |_| false);
     // Strings and numbers always serialise; an empty text would only follow from a bug in serde.
     serde_json::to_string_pretty(&document).unwrap_or_default()
 }
@@ -122,12 +140,16 @@ pub struct Summary {
     pub results: Results,
     /// The thresholds that its success rates and curves are of.
     pub thresholds: Thresholds,
+    /// [Checksum](crate::store::held::ended_as) of what they were made from, if it says.
+    pub made_from: Option<String>,
 }
 
 /// The file as it is read: figures and metrics go by their names.
 #[derive(Deserialize)]
 struct Recorded {
     thresholds: Thresholds,
+    #[serde(default)]
+    made_from: Option<String>,
     trackers: Vec<RecordedTracker>,
 }
 
@@ -236,6 +258,7 @@ pub fn read(dir: &Path, metrics: &MetricSet) -> Result<Summary, FileError> {
     Ok(Summary {
         results,
         thresholds: recorded.thresholds,
+        made_from: recorded.made_from,
     })
 }
 
@@ -270,11 +293,17 @@ mod tests {
         let results = example::of(&units);
         let dir = tempfile::tempdir().unwrap();
         let mut text = Vec::new();
-        write(&mut text, &results, "", true).unwrap();
+        let heading = Heading {
+            title: "",
+            made_from: "0123",
+            sequence_curves: true,
+        };
+        write(&mut text, &results, heading).unwrap();
         std::fs::write(dir.path().join(FILE), text).unwrap();
         let read = read(dir.path(), &results.metrics).unwrap();
         assert_eq!(format!("{:?}", read.results), format!("{results:?}"));
         assert_eq!(read.thresholds, thresholds(&results.metrics));
+        assert_eq!(read.made_from.as_deref(), Some("0123"));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 
 use crate::plan::{PlannedSequence, Prepared};
 use crate::store::error::StoreError;
+use crate::store::rundir::digest;
 use mtf::geom::Corners;
 use std::collections::HashMap;
 use std::path::Path;
@@ -68,12 +69,22 @@ pub(crate) fn format(sequences: &[PlannedSequence], truth: &[KeptTruth]) -> Vec<
     out.into_inner().unwrap_or_default()
 }
 
-/// Reads what [`format`] wrote.
+/// Reads what [`format`] wrote, with the SHA-256 `sum`.
 ///
 /// # Errors
-/// The file cannot be read or understood.
-pub(crate) fn read(path: &Path, sequences: &[PlannedSequence]) -> Result<Vec<KeptTruth>, StoreError> {
+/// The file cannot be read or understood, or is another.
+pub(crate) fn read(
+    path: &Path,
+    sequences: &[PlannedSequence],
+    sum: &str,
+) -> Result<Vec<KeptTruth>, StoreError> {
     let bytes = std::fs::read(path).map_err(|e| StoreError::io(path, e))?;
+    if digest(&bytes) != sum {
+        return Err(StoreError::Damaged {
+            path: path.to_path_buf(),
+            reason: "its checksum is not the one in run.json".into(),
+        });
+    }
     let mut truths: Vec<KeptTruth> = sequences
         .iter()
         .map(|s| KeptTruth {
@@ -137,18 +148,17 @@ mod tests {
         }];
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("truth.csv");
-        std::fs::write(&path, format(&sequences, &truth)).unwrap();
-        assert_eq!(read(&path, &sequences).unwrap(), truth);
+        let text = format(&sequences, &truth);
+        std::fs::write(&path, &text).unwrap();
+        assert_eq!(read(&path, &sequences, &digest(&text)).unwrap(), truth);
         assert_eq!(
             (truth[0].scored(1), truth[0].dense(1), truth[0].dense(2)),
             (2, 1, 0)
         );
-        std::fs::write(&path, "dataset,sequence\nd,s\n").unwrap();
-        assert!(
-            read(&path, &sequences)
-                .unwrap_err()
-                .to_string()
-                .contains("line 2")
-        );
+        let short = "dataset,sequence\nd,s\n";
+        std::fs::write(&path, short).unwrap();
+        let error = |sum: &str| read(&path, &sequences, sum).unwrap_err().to_string();
+        assert!(error(&digest(short.as_bytes())).contains("line 2"));
+        assert!(error(&digest(&text)).contains("checksum"));
     }
 }

@@ -21,7 +21,7 @@ fn run_of(name: &str, results: Results) -> FinishedRun {
     FinishedRun {
         name: name.to_owned(),
         results,
-        thresholds: summary::thresholds(&MetricSet::builtin()),
+        thresholds: crate::store::summary::thresholds(&MetricSet::builtin()),
         description: json!({"version": "1", "seed": 0, "sequences": sequences, "trackers": []}),
     }
 }

@@ -1,0 +1,162 @@
+//! What a run directory holds, compared with its plan: which units have a result, and whether the result files are of them.
+
+use crate::metric::MetricSet;
+use crate::plan::{FrameLogs, Plan, Shard, Sharding, Unit, UnitKey, UnitKeys};
+use crate::store::StoreError;
+use crate::store::journal::{Entry, EntryStatus, Journal};
+use crate::store::rundir::{Recorded, RunDir, digest};
+use crate::store::summary::{self, Summary};
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// What a directory has of a unit.
+#[derive(Clone, Debug)]
+pub enum Held {
+    /// No line in the journal.
+    Nothing,
+    /// The unit failed.
+    Failed(Box<Entry>),
+    /// A result, whose frame log (if it has one) is what the journal says.
+    Result(Box<Entry>),
+    /// A result that cannot be used: a damaged line, or the frame log of this path is missing, unreadable or another.
+    Unusable(PathBuf),
+}
+
+/// What `dir` has of the unit of `plan` with the key `key`.
+pub fn held(dir: &RunDir, plan: &Plan, unit: &Unit, journal: &Journal, key: &UnitKey) -> Held {
+    let entry = match journal.get(key) {
+        Ok(Some(entry)) => Box::new(entry),
+        Ok(None) => return Held::Nothing,
+        Err(_) => return Held::Unusable(dir.journal()),
+    };
+    if entry.status == EntryStatus::Failed {
+        return Held::Failed(entry);
+    }
+    match &entry.log {
+        Some(log) => {
+            let path = dir.log(plan, unit);
+            match fs::read(&path).is_ok_and(|bytes| digest(&bytes) == *log) {
+                true => Held::Result(entry),
+                false => Held::Unusable(path),
+            }
+        }
+        None if plan.frame_logs == FrameLogs::None && entry.errors.is_some() => Held::Result(entry),
+        // A result that was kept otherwise than this run keeps them.
+        None => Held::Nothing,
+    }
+}
+
+/// The units that a run directory is for: those of its shard.
+pub fn units_of(recorded: &Recorded) -> Vec<Unit> {
+    let plan = &recorded.plan;
+    match recorded.shard() {
+        None => plan.units().collect(),
+        Some(Shard { cut, index, count }) => {
+            let sharding = Sharding::new(plan, cut, count);
+            plan.units().filter(|unit| sharding.of(unit) == index).collect()
+        }
+    }
+}
+
+/// Checksum over how the units ended, in the order of the plan: what result files are made from, apart from the truth.
+/// `None` when one has not.
+///
+/// # Errors
+/// The journal cannot be read.
+pub fn ended_as(journal: &Journal, keys: &UnitKeys, units: &[Unit]) -> Result<Option<String>, StoreError> {
+    let mut sum = Endings::default();
+    for unit in units {
+        let key = keys.of(unit);
+        match journal.get(&key)? {
+            Some(entry) => sum.add(&entry),
+            None => return Ok(None),
+        }
+    }
+    Ok(Some(sum.finish()))
+}
+
+/// The checksum of [`ended_as`], unit by unit.
+#[derive(Default)]
+pub(crate) struct Endings(twox_hash::XxHash64);
+
+impl Endings {
+    /// The next unit. Its time and build do not count.
+    pub fn add(&mut self, entry: &Entry) {
+        use std::hash::Hasher;
+        let result = (
+            &entry.status,
+            &entry.reason,
+            &entry.log,
+            &entry.errors,
+            &entry.grid,
+        );
+        // Strings and numbers always serialise.
+        let text = serde_json::to_vec(&result).unwrap_or_default();
+        self.0.write(&entry.key.0);
+        self.0.write(&text);
+    }
+
+    /// 16 hexadecimal digits.
+    pub fn finish(self) -> String {
+        use std::hash::Hasher;
+        format!("{:016x}", self.0.finish())
+    }
+}
+
+/// The results of a run that has got to its end.
+#[derive(Clone, Debug)]
+pub struct Finished {
+    /// Its `summary.json`.
+    pub summary: Summary,
+    /// There is a description and a journal to compare it with; else it stands alone.
+    pub whole: bool,
+}
+
+/// Reads the results in the directory `path` as a run of `metrics`, and compares them with what else the directory holds.
+///
+/// # Errors
+/// There are none; [`StoreError::Incomplete`] when units of the run have not ended; [`StoreError::Stale`] when the results
+/// are of other units than the journal holds; [`StoreError::Damaged`] when a line or a frame log is.
+pub fn finished(path: &Path, metrics: &MetricSet) -> Result<Finished, StoreError> {
+    let mut dir = RunDir::view(path);
+    let there = |name: &str| path.join(name).exists();
+    if !there("run.json") && !there("journal.jsonl") {
+        let summary = summary::read(path, metrics)?;
+        return Ok(Finished {
+            summary,
+            whole: false,
+        });
+    }
+    let recorded = dir.recorded()?;
+    dir.lay_out(&recorded.plan);
+    let journal = Journal::read(&dir.journal())?;
+    let (keys, units) = (UnitKeys::new(&recorded.plan), units_of(&recorded));
+    let missing = units
+        .iter()
+        .filter(|unit| journal.status(&keys.of(unit)).is_none());
+    let missing = missing.count();
+    if missing > 0 {
+        return Err(StoreError::Incomplete {
+            path: path.to_path_buf(),
+            units: units.len(),
+            missing,
+        });
+    }
+    let ended = ended_as(&journal, &keys, &units)?;
+    let summary = match summary::read(path, metrics) {
+        // The run ended, and was stopped before it wrote them.
+        Err(summary::FileError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
+            return Err(StoreError::Stale {
+                path: path.join(summary::FILE),
+            });
+        }
+        other => other?,
+    };
+    if summary.made_from != ended {
+        return Err(StoreError::Stale {
+            path: path.join(summary::FILE),
+        });
+    }
+    Ok(Finished { summary, whole: true })
+}
