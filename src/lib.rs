@@ -15,6 +15,8 @@
 //! A run of a program of one's own begins with [`plan::RunRequest::builder`]; a whole program with models of its own is
 //! one call of [`cli::main`].
 #![deny(missing_docs)]
+// They panic where nobody reads the other end: `cli::console` writes instead.
+#![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
 pub mod catalogue;
 pub mod cli;

@@ -21,6 +21,7 @@ mod illumination;
 mod nonrigid;
 mod protocols;
 mod real_data;
+mod reliability;
 mod requirements;
 mod resume;
 mod runs;
@@ -51,6 +52,7 @@ fn main() -> std::process::ExitCode {
         nonrigid::TESTS,
         protocols::TESTS,
         real_data::TESTS,
+        reliability::TESTS,
         requirements::TESTS,
         resume::TESTS,
         same_bytes::TESTS,

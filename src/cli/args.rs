@@ -3,6 +3,7 @@
 use super::exit::Failure;
 use super::values::{
     assignment, at_least_one, at_least_two, channels, duration, non_negative, positive, resolution, size,
+    threads,
 };
 use crate::metric::MetricSet;
 use crate::plan::{Protocols, Shard};
@@ -205,11 +206,11 @@ pub struct ExecutionArgs {
     #[arg(long, value_name = "PART")]
     pub shard: Option<Shard>,
     /// Worker threads (never changes a result) [default: SLURM_CPUS_PER_TASK, else all cores]
-    #[arg(short = 'j', long, value_name = "N", value_parser = at_least_one)]
+    #[arg(short = 'j', long, value_name = "N", value_parser = threads)]
     pub threads: Option<usize>,
     /// Threads that a single tracker may use: particle filters, nearest neighbours and grids share out their work (never
     /// changes a result)
-    #[arg(long, value_name = "N", default_value = "1", value_parser = at_least_one)]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = threads)]
     pub threads_per_tracker: usize,
     /// Memory for trackers, such as 4G (never changes a result) [default: half of the
     /// machine's or the Slurm job's, at most 3G]

@@ -5,7 +5,7 @@ use super::exit::{self, Failure, Outcome};
 use super::program::Program;
 use super::progress::Progress;
 use super::run::show;
-use super::values::at_least_one;
+use super::values::threads;
 use crate::run::merge::{MergeRequest, Merged, merge};
 use serde_json::Map;
 use std::path::PathBuf;
@@ -29,7 +29,7 @@ pub struct MergeArgs {
     #[arg(long, value_name = "N", default_value = "10")]
     pub show: usize,
     /// Worker threads [default: all cores]
-    #[arg(short = 'j', long, value_name = "N", value_parser = at_least_one)]
+    #[arg(short = 'j', long, value_name = "N", value_parser = threads)]
     pub threads: Option<usize>,
     /// How to print the result.
     #[command(flatten)]

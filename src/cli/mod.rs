@@ -50,9 +50,15 @@ use std::process::ExitCode;
 /// ```
 pub fn main(catalogue: impl Into<Catalogue>) -> ExitCode {
     panics::install_hook();
+    signals::limits_are_errors();
     let catalogue = catalogue.into();
     // The hook has said what happened, in one line.
     catch_unwind(AssertUnwindSafe(|| run_process(catalogue))).unwrap_or(ExitCode::from(exit::INTERNAL))
+}
+
+/// Ends the process because there is no more memory, with the exit code of a run that was stopped.
+pub fn end_for_lack_of_memory() -> ! {
+    std::process::exit(i32::from(exit::STOPPED))
 }
 
 fn run_process(catalogue: Catalogue) -> ExitCode {

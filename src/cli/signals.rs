@@ -5,6 +5,13 @@ use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+/// Makes a file that would grow beyond the limit of file sizes (`ulimit -f`) an error of the write, which is reported as a
+/// full disk is, instead of a signal that kills the process.
+pub fn limits_are_errors() {
+    // Where there is no such signal, or it cannot be had, the system's own way stays.
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
+}
+
 /// Set by an interrupt, a request to terminate or SIGUSR1 (what batch systems send before time is up).
 ///
 /// # Errors

@@ -63,6 +63,13 @@ pub fn at_least_one(text: &str) -> Result<usize, String> {
     at_least(1, text)
 }
 
+/// Worker threads: as many as the largest machines have cores, since more only cost.
+pub fn threads(text: &str) -> Result<usize, String> {
+    const MOST: usize = 1024;
+    let count = text.trim().parse().ok().filter(|n| (1..=MOST).contains(n));
+    count.ok_or_else(|| format!("expected a whole number from 1 to {MOST}"))
+}
+
 /// A whole number from 2.
 pub fn at_least_two(text: &str) -> Result<usize, String> {
     at_least(2, text)

@@ -99,6 +99,9 @@ impl Tracker for Still {
     fn channels(&self) -> usize {
         self.channels
     }
+    fn memory(&self) -> usize {
+        size_of::<Self>()
+    }
 }
 
 fn tracker(id: &str, trick: Trick, channels: usize) -> TrackerEntry {
@@ -453,6 +456,84 @@ fn an_interrupted_run_goes_on_where_it_stopped() {
     let report = go(&request).unwrap();
     assert_eq!(report.resumed, journal.len());
     assert_eq!(files(&bench.dir.path().join("whole")), files(&request.out));
+}
+
+/// Stops the run after some tracked frames.
+struct StopAfterFrames<'a> {
+    frames: AtomicUsize,
+    after: usize,
+    stop: &'a AtomicBool,
+}
+
+impl Observer for StopAfterFrames<'_> {
+    fn frames(&self, count: u64) {
+        if self.frames.fetch_add(count as usize, Ordering::Relaxed) + count as usize >= self.after {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+/// Runs the request in slots of `after` tracked frames, without grace, until it is done; returns the units that each slot
+/// ended.
+fn in_slots(request: &RunRequest, after: usize) -> Vec<usize> {
+    let mut ended = Vec::new();
+    let mut before = 0;
+    loop {
+        let stop = AtomicBool::new(false);
+        let observer = StopAfterFrames {
+            frames: AtomicUsize::new(0),
+            after,
+            stop: &stop,
+        };
+        match run(request, &Exporters::builtin(), &observer, &stop) {
+            Ok(_) => return ended,
+            Err(RunError::Interrupted { done, .. }) => {
+                ended.push(done - before);
+                before = done;
+            }
+            Err(other) => panic!("{other:?}"),
+        }
+        assert!(ended.len() < 200, "no progress: {ended:?}");
+    }
+}
+
+#[test]
+fn every_slot_that_fits_a_unit_gets_one_done() {
+    let bench = Bench::new(&[40]);
+    go(&bench.request("whole", many(30))).unwrap();
+    // Time for 4 of 30 units.
+    let request = bench.request("kept", many(30));
+    let ended = in_slots(&request, 4 * 40);
+    assert!(ended.iter().all(|&n| n > 0) && ended.len() >= 5, "{ended:?}");
+    assert_eq!(files(&bench.dir.path().join("whole")), files(&request.out));
+
+    // Without room for the frames, the first slot may go without: units begin together. The next ones may not.
+    let mut tight = bench.request("tight", many(30));
+    tight.memory = 100_000;
+    let ended = in_slots(&tight, 4 * 40);
+    assert!(ended.iter().skip(1).all(|&n| n > 0), "{ended:?}");
+    assert_eq!(files(&bench.dir.path().join("whole")), files(&tight.out));
+    // One that says that it may be stopped does not either.
+    let mut hurried = bench.request("hurried", many(30));
+    (hurried.memory, hurried.hurry) = (100_000, true);
+    let ended = in_slots(&hurried, 4 * 40);
+    assert!(ended.iter().all(|&n| n > 0), "{ended:?}");
+    assert_eq!(files(&bench.dir.path().join("whole")), files(&hurried.out));
+}
+
+#[test]
+fn gray_and_colour_share_a_sequence_that_is_kept() {
+    let bench = Bench::new(&[12, 9]);
+    let trackers = || -> Vec<TrackerEntry> {
+        (0..9)
+            .map(|k| tracker(&format!("t{k}"), Trick::Nothing, if k % 3 == 2 { 3 } else { 1 }))
+            .collect()
+    };
+    go(&bench.request("kept", trackers())).unwrap();
+    let mut tight = bench.request("tight", trackers());
+    tight.memory = 100_000;
+    go(&tight).unwrap();
+    assert_eq!(files(&bench.dir.path().join("kept")), files(&tight.out));
 }
 
 #[test]

@@ -6,8 +6,8 @@
 use crate::store::error::StoreError;
 use crate::store::host::host_name;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{Read, Seek, Write};
-use std::path::Path;
+use std::io::{self, Read, Seek, Write};
+use std::path::{Path, PathBuf};
 
 /// A process that holds or held a directory, as its lock file names it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -74,8 +74,18 @@ pub(crate) fn is_lock(text: &str) -> bool {
     Holder::parse(text).is_none_or(|holder| holder.text.starts_with("pid "))
 }
 
-/// Takes the lock of the directory `dir`, kept in `path`; also tells who held it and died.
-pub(crate) fn take(dir: &Path, path: &Path) -> Result<(File, Option<Holder>), StoreError> {
+/// The lock of a directory, taken but not signed yet.
+pub(crate) struct Taken {
+    file: File,
+    path: PathBuf,
+    /// It was not there before.
+    created: bool,
+    /// Who held it and died.
+    dead: Option<Holder>,
+}
+
+/// Takes the lock of the directory `dir`, kept in `path`.
+pub(crate) fn take(dir: &Path, path: &Path) -> Result<Taken, StoreError> {
     let io = |e| StoreError::io(path, e);
     // What it leads to belongs to somebody else and would be emptied.
     if path.is_symlink() {
@@ -84,13 +94,12 @@ pub(crate) fn take(dir: &Path, path: &Path) -> Result<(File, Option<Holder>), St
             reason: "its .lock is a link".into(),
         });
     }
-    let mut file = OpenOptions::new()
-        .create(true)
-        .read(true)
-        .write(true)
-        .truncate(false)
-        .open(path)
-        .map_err(io)?;
+    let mut options = OpenOptions::new();
+    options.read(true).write(true);
+    let (mut file, created) = match options.clone().create_new(true).open(path) {
+        Err(e) if e.kind() == io::ErrorKind::AlreadyExists => (options.open(path).map_err(io)?, false),
+        other => (other.map_err(io)?, true),
+    };
     let locked = file.try_lock();
     let mut text = String::new();
     let _ = file.read_to_string(&mut text);
@@ -117,12 +126,33 @@ pub(crate) fn take(dir: &Path, path: &Path) -> Result<(File, Option<Holder>), St
             }
         }
     }
-    file.set_len(0)
-        .and_then(|()| file.rewind())
-        .and_then(|()| file.write_all(format!("{}\n", Holder::me()).as_bytes()))
-        .and_then(|()| file.sync_data())
-        .map_err(io)?;
-    Ok((file, holder))
+    Ok(Taken {
+        file,
+        path: path.to_path_buf(),
+        created,
+        dead: holder,
+    })
+}
+
+impl Taken {
+    /// Writes down that this process holds it; also tells who held it and died.
+    pub fn sign(mut self) -> Result<(File, Option<Holder>), StoreError> {
+        let text = format!("{}\n", Holder::me());
+        self.file
+            .set_len(0)
+            .and_then(|()| self.file.rewind())
+            .and_then(|()| self.file.write_all(text.as_bytes()))
+            .and_then(|()| self.file.sync_data())
+            .map_err(|e| StoreError::io(&self.path, e))?;
+        Ok((self.file, self.dead))
+    }
+
+    /// Gives it back: everything is as it was.
+    pub fn give_back(self) {
+        if self.created {
+            let _ = fs::remove_file(&self.path);
+        }
+    }
 }
 
 #[cfg(test)]
@@ -151,7 +181,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join(".lock");
         fs::write(&path, "pid 4294967295 on elsewhere since noon").unwrap();
-        let (_file, dead) = take(dir.path(), &path).unwrap();
+        let (_file, dead) = take(dir.path(), &path).unwrap().sign().unwrap();
         assert!(dead.unwrap().text.starts_with("pid 4294967295"));
         assert!(
             Holder::of(dir.path())

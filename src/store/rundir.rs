@@ -60,8 +60,13 @@ impl RunDir {
     /// The directory is locked, holds other things than a run, cannot be created or written to, or the disk is full.
     pub fn open(path: &Path, fresh: bool, results: &[&str]) -> Result<(RunDir, Option<Holder>), StoreError> {
         fs::create_dir_all(path).map_err(|e| StoreError::io(path, e))?;
-        recognise(path, results)?;
-        let (lock, dead) = lock::take(path, &path.join(".lock"))?;
+        // First of all, so that whoever comes second learns that, whatever state the directory is in.
+        let taken = lock::take(path, &path.join(".lock"))?;
+        if let Err(error) = recognise(path, results) {
+            taken.give_back();
+            return Err(error);
+        }
+        let (lock, dead) = taken.sign()?;
         let mut dir = RunDir::view(path);
         dir.lock = Some(lock);
         dir.sweep(dead.is_some())?;
