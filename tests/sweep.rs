@@ -252,7 +252,8 @@ fn a_merge_names_what_is_missing_and_refuses_what_does_not_match() {
     fs::create_dir_all(target.parent().unwrap()).unwrap();
     fs::write(&target, &text).unwrap();
     entry["log"] = mtf_eval::store::rundir::digest(&text).into();
-    fs::write(dir.join("forged/journal.jsonl"), format!("{entry}\n")).unwrap();
+    let entry: mtf_eval::store::journal::Entry = serde_json::from_value(entry).unwrap();
+    fs::write(dir.join("forged/journal.jsonl"), entry.to_line().unwrap()).unwrap();
     program(dir)
         .args(["merge", "out", "s1", "s2", "s3", "forged"])
         .assert()

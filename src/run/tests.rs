@@ -238,9 +238,11 @@ fn a_small_budget_makes_more_groups_and_the_same_files() {
     go(&bench.request("wide", many(6))).unwrap();
     let before = bench.sequences[0].decoded_count();
     let mut request = bench.request("narrow", many(6));
-    request.memory = 1 << 19;
+    // Neither for the frames of the sequence nor for the rows of all trackers.
+    request.memory = 1 << 13;
     go(&request).unwrap();
-    assert_eq!(bench.sequences[0].decoded_count() - before, 2 * 20);
+    let decoded = bench.sequences[0].decoded_count() - before;
+    assert!(decoded > 20 && decoded.is_multiple_of(20), "{decoded}");
     assert_eq!(
         files(&bench.dir.path().join("wide")),
         files(&bench.dir.path().join("narrow"))
@@ -349,12 +351,17 @@ fn without_frame_logs_the_figures_are_the_same() {
         let mut value: serde_json::Value = serde_json::from_slice(run).unwrap();
         value.as_object_mut().unwrap().remove("frame_logs").unwrap();
         *run = value.to_string().into_bytes();
+        // It says what it is made from.
+        let summary = files.get_mut(Path::new("summary.json")).unwrap();
+        let mut value: serde_json::Value = serde_json::from_slice(summary).unwrap();
+        value.as_object_mut().unwrap().remove("made_from").unwrap();
+        *summary = value.to_string().into_bytes();
     }
-    assert_eq!(a, b);
+    assert!(a == b);
     assert_eq!(go(&without).unwrap().resumed, 6);
     without.frame_logs = FrameLogs::Csv;
     assert_eq!(go(&without).unwrap().resumed, 0);
-    assert_eq!(files(&with.out), files(&without.out));
+    assert!(files(&with.out) == files(&without.out));
 }
 
 #[test]

@@ -129,15 +129,20 @@ fn sum(rest: &[u8]) -> String {
     format!("{:016x}", XxHash64::oneshot(0, rest))
 }
 
-/// The line of `entry`, without its newline: a JSON object whose first field, `sum`, is the checksum of what follows it.
-fn line(entry: &Entry) -> serde_json::Result<Vec<u8>> {
-    let entry = serde_json::to_vec(entry)?;
-    // Its opening brace is that of the line.
-    let rest = entry.get(1..).unwrap_or_default();
-    Ok([SUM.as_bytes(), sum(rest).as_bytes(), b"\",", rest].concat())
+impl Entry {
+    /// Its line: a JSON object whose first field, `sum`, is the checksum of what follows it.
+    ///
+    /// # Errors
+    /// None that its fields can cause.
+    pub fn to_line(&self) -> serde_json::Result<Vec<u8>> {
+        let entry = serde_json::to_vec(self)?;
+        // Its opening brace is that of the line.
+        let rest = entry.get(1..).unwrap_or_default();
+        Ok([SUM.as_bytes(), sum(rest).as_bytes(), b"\",", rest, b"\n"].concat())
+    }
 }
 
-/// What a line says; `None` when it is not to the bit what [`line`] wrote.
+/// What a line without its newline says; `None` when it is not to the bit what [`Entry::to_line`] wrote.
 fn checked<T: DeserializeOwned>(line: &[u8]) -> Option<T> {
     let (found, rest) = line.strip_prefix(SUM.as_bytes())?.split_at_checked(16)?;
     let rest = rest.strip_prefix(b"\",")?;
@@ -285,8 +290,10 @@ impl JournalWriter {
     /// # Errors
     /// The line cannot be written (disk full).
     pub fn append(&mut self, finished: &Finished) -> Result<(), StoreError> {
-        let mut line = line(&finished.entry).map_err(|e| StoreError::io(&self.path, e.into()))?;
-        line.push(b'\n');
+        let line = finished
+            .entry
+            .to_line()
+            .map_err(|e| StoreError::io(&self.path, e.into()))?;
         self.file
             .write_all(&line)
             .map_err(|e| StoreError::io(&self.path, e))?;
@@ -306,9 +313,8 @@ impl JournalWriter {
         let io = |e| StoreError::io(&self.path, e);
         let mut out = BufWriter::with_capacity(1 << 20, &self.file);
         for entry in entries {
-            out.write_all(&line(&entry).map_err(|e| io(e.into()))?)
-                .and_then(|()| out.write_all(b"\n"))
-                .map_err(io)?;
+            let line = entry.to_line().map_err(|e| io(e.into()))?;
+            out.write_all(&line).map_err(io)?;
         }
         out.flush().map_err(io)?;
         drop(out);
