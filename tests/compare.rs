@@ -128,7 +128,7 @@ fn refuses_what_does_not_compare() {
     }
     for (args, reason) in [
         (&["compare", "a"][..], "give two runs"),
-        (&["compare", "a", "nowhere"], "not a finished run"),
+        (&["compare", "a", "nowhere"], "not a run directory"),
         (
             &["compare", "a", "other", "--figures", "al_median"],
             "no mean over frames",

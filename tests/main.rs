@@ -15,6 +15,7 @@ mod custom_am;
 mod examples;
 mod extending_format;
 mod extending_metric_exporter;
+mod faults;
 #[path = "../crates/mtf/tests/harness/mod.rs"]
 mod harness;
 mod illumination;
@@ -48,6 +49,7 @@ fn main() -> std::process::ExitCode {
         extending_format::TESTS,
         examples::TESTS,
         extending_metric_exporter::TESTS,
+        faults::TESTS,
         illumination::TESTS,
         nonrigid::TESTS,
         protocols::TESTS,

@@ -10,8 +10,6 @@ use std::time::{Duration, Instant};
 crate::tests! {
     interruptions_and_threads_leave_no_trace;
     a_directory_in_use_is_left_alone;
-    #[cfg(target_os = "linux")]
-    a_full_disk_loses_nothing needs DevFull;
 }
 
 const GRID: [&str; 8] = [
@@ -123,37 +121,4 @@ fn a_directory_in_use_is_left_alone() {
         .args(["run", "data", "--out", "out"])
         .assert()
         .success();
-}
-
-#[cfg(target_os = "linux")]
-fn a_full_disk_loses_nothing() {
-    let dir = tempfile::tempdir().unwrap();
-    let dir = dir.path();
-    write_data(&dir.join("data"), &[10, 12]);
-    let run = ["run", "data", "--sm", "lk", "--progress", "none"];
-    program(dir)
-        .args(run)
-        .args(["--out", "reference"])
-        .assert()
-        .success();
-    program(dir)
-        .args(run)
-        .args(["--out", "out", "--seq", "seq0"])
-        .assert()
-        .success();
-    // Where the first log of the second sequence is about to be written, the disk is full.
-    let temporary = dir.join("out/frames/esm-ssd-homography/data/seq1.csv.tmp");
-    std::os::unix::fs::symlink("/dev/full", &temporary).unwrap();
-    let journal = dir.join("out/journal.jsonl");
-    let kept = fs::read(&journal).unwrap();
-    let assert = program(dir).args(run).args(["--out", "out"]).assert().code(75);
-    let said = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
-    assert_eq!(said.matches("error").count(), 1, "{said}");
-    assert!(said.contains("no space left"), "{said}");
-    assert!(fs::read(&journal).unwrap().starts_with(&kept));
-    program(dir).args(run).args(["--out", "out"]).assert().success();
-    assert_eq!(
-        reproducible(&dir.join("reference")),
-        reproducible(&dir.join("out"))
-    );
 }

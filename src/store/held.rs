@@ -122,6 +122,12 @@ pub fn finished(path: &Path, metrics: &MetricSet) -> Result<Finished, StoreError
     let mut dir = RunDir::view(path);
     let there = |name: &str| path.join(name).exists();
     if !there("run.json") && !there("journal.jsonl") {
+        if !there(summary::FILE) {
+            return Err(StoreError::NoRun {
+                path: path.to_path_buf(),
+                reason: format!("it has neither run.json nor {}", summary::FILE),
+            });
+        }
         let summary = summary::read(path, metrics)?;
         return Ok(Finished {
             summary,

@@ -22,6 +22,8 @@ pub enum Need {
     DevFull,
     /// The right to mount a file system in memory.
     Tmpfs,
+    /// A tool that makes calls to the system fail.
+    Strace,
 }
 
 impl Need {
@@ -33,6 +35,7 @@ impl Need {
         (Need::Avx2, "avx2", "needs a processor with AVX2 and FMA"),
         (Need::DevFull, "dev_full", "needs /dev/full"),
         (Need::Tmpfs, "tmpfs", "needs the right to mount a tmpfs"),
+        (Need::Strace, "strace", "needs strace, and the right to trace"),
     ];
 
     fn entry(self) -> &'static (Need, &'static str, &'static str) {
@@ -51,7 +54,8 @@ impl Need {
             #[cfg(not(target_arch = "x86_64"))]
             Need::Avx2 => false,
             Need::DevFull => Path::new("/dev/full").exists(),
-            Need::Tmpfs => may_mount(),
+            Need::Tmpfs => runs("unshare", &["--mount", "mount", "-t", "tmpfs", "tmpfs", "/mnt"]),
+            Need::Strace => runs("strace", &["-f", "-qq", "--seccomp-bpf", "true"]),
         }
     }
 }
@@ -59,10 +63,10 @@ impl Need {
 /// Needs that `.ci/run` sees to itself.
 const OF_CI: &[&str] = &["valgrind", "parallel", "snakemake", "slurm"];
 
-/// Whether a file system in memory can be mounted, tried in a mount namespace that ends with the trial.
-fn may_mount() -> bool {
-    let status = Command::new("unshare")
-        .args(["--mount", "mount", "-t", "tmpfs", "tmpfs", "/mnt"])
+/// Whether a command is there and succeeds. The mount is tried in a namespace that ends with the trial.
+fn runs(command: &str, args: &[&str]) -> bool {
+    let status = Command::new(command)
+        .args(args)
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .status();
