@@ -18,8 +18,12 @@ mod extending_metric_exporter;
 #[path = "../crates/mtf/tests/harness/mod.rs"]
 mod harness;
 mod illumination;
+#[cfg(target_os = "linux")]
+mod names;
 mod nonrigid;
 mod protocols;
+#[cfg(target_os = "linux")]
+mod reading;
 mod real_data;
 mod reliability;
 mod requirements;
@@ -49,8 +53,12 @@ fn main() -> std::process::ExitCode {
         examples::TESTS,
         extending_metric_exporter::TESTS,
         illumination::TESTS,
+        #[cfg(target_os = "linux")]
+        names::TESTS,
         nonrigid::TESTS,
         protocols::TESTS,
+        #[cfg(target_os = "linux")]
+        reading::TESTS,
         real_data::TESTS,
         reliability::TESTS,
         requirements::TESTS,

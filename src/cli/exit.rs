@@ -90,7 +90,10 @@ pub type Outcome = Result<ExitCode, Failure>;
 fn of_plan(error: &PlanError) -> u8 {
     match error {
         PlanError::Nothing(_) => NOTHING,
-        PlanError::NoDirectory | PlanError::Ambiguous(_) | PlanError::Sequence { .. } => USAGE,
+        PlanError::NoDirectory
+        | PlanError::Ambiguous(_)
+        | PlanError::SameText { .. }
+        | PlanError::Sequence { .. } => USAGE,
     }
 }
 

@@ -73,17 +73,17 @@ pub fn run(args: &ListArgs, program: &Program) -> Outcome {
             .map(|what| listing(what, catalogue, &args.data))
             .collect::<Result<_, _>>()?,
     };
+    let table = |l: &Listing| render(&l.header, &l.rows, args.format, false);
     let text = match (args.format, listings.as_slice()) {
         (Format::Json, [one]) => format!("{:#}\n", json(one)),
         (Format::Json, many) => {
             let all: Map<String, Value> = many.iter().map(|l| (l.title.to_owned(), json(l))).collect();
             format!("{:#}\n", Value::Object(all))
         }
-        (Format::Csv, many) => many.iter().map(csv).collect::<Result<Vec<_>, _>>()?.join("\n"),
-        (format, [one]) => format!("{}{}", render(&one.header, &one.rows, format, false), one.note),
-        (format, many) => {
-            let section =
-                |l: &Listing| format!("{}\n\n{}", l.title, render(&l.header, &l.rows, format, false));
+        (Format::Csv, many) => many.iter().map(table).collect::<Vec<_>>().join("\n"),
+        (_, [one]) => format!("{}{}", table(one), one.note),
+        (_, many) => {
+            let section = |l: &Listing| format!("{}\n\n{}", l.title, table(l));
             let sections: Vec<String> = many.iter().map(section).collect();
             let more = "More: mtf-eval list trackers|params|metrics|data|formats\n";
             format!("{}\n{more}", sections.join("\n"))
@@ -285,14 +285,4 @@ fn json(listing: &Listing) -> Value {
         )
     };
     listing.rows.iter().map(object).collect()
-}
-
-fn csv(listing: &Listing) -> Result<String, Failure> {
-    let mut out = csv::Writer::from_writer(Vec::new());
-    out.write_record(&listing.header).map_err(Failure::usage)?;
-    for row in &listing.rows {
-        out.write_record(row).map_err(Failure::usage)?;
-    }
-    let bytes = out.into_inner().map_err(Failure::usage)?;
-    Ok(String::from_utf8_lossy(&bytes).into_owned())
 }

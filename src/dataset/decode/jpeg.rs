@@ -1,6 +1,6 @@
 //! JPEG.
 
-use super::{ImageError, ImageKind, check_size, one_line};
+use super::{ImageError, ImageKind, check_size, entropy, one_line};
 use image::ImageFormat;
 use mtf::image::Pixels;
 use zune_core::bytestream::ZCursor;
@@ -64,6 +64,9 @@ fn decode(_: &ImageKind, bytes: &[u8], colour: bool) -> Result<Pixels, ImageErro
     };
     decoder.set_options(options().jpeg_set_out_colorspace(output));
     let pixels = decoder.decode().map_err(|e| error_of(bytes, e))?;
+    if entropy::ends_early(bytes) {
+        return Err(ImageError::Truncated { format: NAME });
+    }
     if pixels.len() != width * height * output.num_components() {
         let detail = "the decoder returned another number of pixels".into();
         return Err(ImageError::Corrupt { format: NAME, detail });
@@ -79,7 +82,8 @@ fn decode(_: &ImageKind, bytes: &[u8], colour: bool) -> Result<Pixels, ImageErro
 /// What the markers of a JPEG file say.
 #[derive(Default)]
 struct Markers {
-    /// They lead to an end-of-image marker. Decoders fill what is missing with gray.
+    /// They lead to an end-of-image marker. Decoders fill what is missing with gray; what is missing before the marker
+    /// shows in the codes ([`entropy::ends_early`]).
     reaches_end: bool,
     /// Sequential, not progressive.
     sequential: bool,
