@@ -230,7 +230,9 @@ fn links_that_lead_nowhere_are_named() {
     assert!(go(root, "run data --seq seq0 -o one").status.success());
     let skipping = go(root, "run data --on-bad-data skip -o two");
     assert!(skipping.status.success());
-    assert!(stderr(&skipping).contains("warning: data/seq7: the link leads nowhere"));
+    let warning = "warning: data/seq7: the link leads nowhere";
+    assert!(stderr(&skipping).contains(warning));
+    assert!(stderr(&go(root, "list data --data data")).contains(warning));
     fs::remove_file(root.join("data/seq7")).unwrap();
 
     let frame = root.join("data/seq1/frame00002.png");
@@ -314,7 +316,13 @@ fn arguments_that_are_no_text_never_crash() {
         let text = stderr(&output);
         let code = output.status.code();
         // `status` of what is no run, like `data check`, says so on stdout.
-        assert_eq!(code, Some(2), "{words:?}: {text}{}", stdout(&output));
+        // Two shards that hold nothing are nothing to merge.
+        let expected = if words[0] == "merge" { [2, 4] } else { [2, 2] };
+        assert!(
+            code.is_some_and(|code| expected.contains(&code)),
+            "{words:?}: {text}{}",
+            stdout(&output)
+        );
         let said = text.lines().filter(|l| l.starts_with("error:")).count();
         let checks = words.first().is_some_and(|w| w == "data") && words[1] == "check";
         assert!(said == 1 || checks, "{words:?}: {text}");
@@ -363,7 +371,7 @@ fn names_of_one_text_are_refused() {
         // The same to the byte: nothing but the names tells them apart.
         write_data(&root.join("data").join(name), &[3]);
     }
-    let both = [r#"d\xFF""#, r#"d\xFE""#, "rename one of them"];
+    let both = [r"d\xFF", r"d\xFE", "rename one of them"];
     refused(&go(root, "run data"), 2, &both);
     let checked = go(root, "data check data");
     assert_eq!(checked.status.code(), Some(2));

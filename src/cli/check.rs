@@ -73,7 +73,8 @@ impl CheckArgs {
         let file = self
             .tolerances
             .clone()
-            .or_else(|| beside.is_file().then_some(beside));
+            // A link that leads nowhere or a pipe is not the same as none.
+            .or_else(|| beside.symlink_metadata().is_ok().then_some(beside));
         let mut tolerances = match file {
             Some(path) => Tolerances::read(&path, metrics)?,
             None => Tolerances::of(metrics),

@@ -65,12 +65,11 @@ struct Listing {
 /// # Errors
 /// Data that cannot be read; stdout cannot be written to.
 pub fn run(args: &ListArgs, program: &Program) -> Outcome {
-    let catalogue = &program.catalogue;
     let listings = match args.what {
-        Some(what) => vec![listing(what, catalogue, &args.data)?],
+        Some(what) => vec![listing(what, program, &args.data)?],
         None => [ListWhat::Sm, ListWhat::Am, ListWhat::Ssm, ListWhat::Ilm]
             .into_iter()
-            .map(|what| listing(what, catalogue, &args.data))
+            .map(|what| listing(what, program, &args.data))
             .collect::<Result<_, _>>()?,
     };
     let table = |l: &Listing| render(&l.header, &l.rows, args.format, false);
@@ -92,7 +91,8 @@ pub fn run(args: &ListArgs, program: &Program) -> Outcome {
     print(&text).map(|()| ExitCode::SUCCESS)
 }
 
-fn listing(what: ListWhat, catalogue: &Catalogue, data: &[PathBuf]) -> Result<Listing, Failure> {
+fn listing(what: ListWhat, program: &Program, data: &[PathBuf]) -> Result<Listing, Failure> {
+    let catalogue = &program.catalogue;
     let Catalogue {
         registry, metrics, ..
     } = catalogue;
@@ -214,7 +214,11 @@ fn listing(what: ListWhat, catalogue: &Catalogue, data: &[PathBuf]) -> Result<Li
             let builtin = [PathBuf::from(dataset::BUILTIN)];
             let mut rows = Vec::new();
             for path in if data.is_empty() { &builtin } else { data } {
-                for s in dataset::load(path, &options).map_err(Failure::usage)?.sequences {
+                let set = dataset::load(path, &options).map_err(Failure::usage)?;
+                for fault in &set.skipped {
+                    program.console.warn(&fault.to_string());
+                }
+                for s in set.sequences {
                     rows.push(vec![
                         format!("{}/{}", s.dataset(), s.name()),
                         s.len().to_string(),
