@@ -376,6 +376,11 @@ pub fn sequence_id(sequence: &Sequence) -> String {
     format!("{}/{}", sequence.dataset(), sequence.name())
 }
 
+/// Whether two paths lead to one folder.
+fn same_place([a, b]: [&Path; 2]) -> bool {
+    a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -402,9 +407,4 @@ mod tests {
             (3, 1, false)
         );
     }
-}
-
-/// Whether two paths lead to one folder.
-fn same_place([a, b]: [&Path; 2]) -> bool {
-    a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }

@@ -583,3 +583,24 @@ impl<W: ProjectiveModel> Part for Projective<W> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::ssm::{Homography, StateSpaceModel};
+
+    #[test]
+    fn a_step_without_inverse_says_what_to_do() {
+        let ssm = Homography::new();
+        let (mut flat, mut out) = ([0.0; 8], [0.0; 8]);
+        // The first row of the matrix is 0.
+        flat[0] = -1.0;
+        let error = ssm
+            .relative_into(&flat, &[0.0; 8], &mut out)
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("no inverse") && !error.contains('\n'), "{error}");
+        for remedy in ["fclk", "esm", "another state space model", "smaller sigma"] {
+            assert!(error.contains(remedy), "{error}");
+        }
+    }
+}
