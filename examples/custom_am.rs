@@ -169,7 +169,10 @@ pub fn registry() -> Registry {
 }
 
 fn main() -> ExitCode {
-    if std::env::args().nth(1).as_deref() != Some("conformance") {
+    if std::env::args_os()
+        .nth(1)
+        .is_none_or(|word| word != "conformance")
+    {
         return mtf_eval::cli::main(registry());
     }
     // Derivatives, laws and recovery of known motion, as the models of the crate are tested.

@@ -32,7 +32,10 @@ fn outline(canvas: &mut RgbImage, c: &Corners, colour: Rgb<u8>) {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let args: Vec<String> = std::env::args().skip(1).collect();
+    let args = std::env::args_os()
+        .skip(1)
+        .map(|word| word.to_string_lossy().into_owned());
+    let args: Vec<String> = args.collect();
     let [name, last, out] = &args[..] else {
         return Err("usage: overlay SEQUENCE FRAME OUT.png".into());
     };

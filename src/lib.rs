@@ -3,7 +3,7 @@
 //!
 //! A room for each step of an evaluation, in the order in which they depend on each other:
 //!
-//! - [`dataset`]: image sequences with ground truth, read and checked; [`synth`]: sequences rendered with exact truth.
+//! - [`files`]: reading of what users name. [`dataset`]: image sequences with ground truth, read and checked; [`synth`]: sequences rendered with exact truth.
 //! - [`metric`]: errors of a frame, figures of many.
 //! - [`plan`]: what is asked of a run, its units (tracker, sequence, start), their keys and seeds, shards.
 //! - [`store`]: a run directory on disk: lock, journal, frame logs.
@@ -21,6 +21,7 @@
 pub mod catalogue;
 pub mod cli;
 pub mod dataset;
+pub mod files;
 pub mod judge;
 pub mod measure;
 pub mod metric;

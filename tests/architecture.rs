@@ -48,7 +48,7 @@ const HOUSES: [House; 2] = [
         name: "mtf-eval",
         source: "src",
         ranks: &[
-            &["panics"],
+            &["files", "panics"],
             &["dataset", "metric"],
             &["synth"],
             &["plan"],

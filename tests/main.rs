@@ -19,8 +19,12 @@ mod faults;
 #[path = "../crates/mtf/tests/harness/mod.rs"]
 mod harness;
 mod illumination;
+#[cfg(target_os = "linux")]
+mod names;
 mod nonrigid;
 mod protocols;
+#[cfg(target_os = "linux")]
+mod reading;
 mod real_data;
 mod reliability;
 mod requirements;
@@ -51,8 +55,12 @@ fn main() -> std::process::ExitCode {
         extending_metric_exporter::TESTS,
         faults::TESTS,
         illumination::TESTS,
+        #[cfg(target_os = "linux")]
+        names::TESTS,
         nonrigid::TESTS,
         protocols::TESTS,
+        #[cfg(target_os = "linux")]
+        reading::TESTS,
         real_data::TESTS,
         reliability::TESTS,
         requirements::TESTS,

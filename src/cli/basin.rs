@@ -7,6 +7,7 @@ use super::experiment::{filter, trackers};
 use super::program::Program;
 use super::signals::stop_on_signals;
 use crate::dataset::decode;
+use crate::files;
 use crate::measure::basin::{self, BasinRequest, BasinRow, Texture};
 use crate::report::{Format, render};
 use crate::run::pool;
@@ -198,7 +199,7 @@ fn textures(paths: &[PathBuf]) -> Result<Vec<Texture>, Failure> {
         files.extend(inside);
     }
     let read = |path: &PathBuf| {
-        let bytes = std::fs::read(path).map_err(|e| failed(path, &e))?;
+        let bytes = files::read(path, files::Kind::IMAGE).map_err(|e| failed(path, &e))?;
         let decoded = decode(&bytes, false).map_err(|e| failed(path, &e))?;
         let name = path
             .file_stem()

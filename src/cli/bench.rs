@@ -7,6 +7,7 @@ use super::experiment::{expand, filter, sequences};
 use super::program::Program;
 use super::signals::stop_on_signals;
 use super::values::{at_least_one, positive};
+use crate::files;
 use crate::measure::bench::{
     self, BenchReport, BenchRequest, BenchRow, MEASUREMENT_FORMAT_VERSION, Measurement,
 };
@@ -152,7 +153,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
 /// Reads a saved measurement.
 fn read(path: &Path) -> Result<Measurement, Failure> {
     let wrong = |e: &dyn std::fmt::Display| Failure::usage(format!("{}: {e}", path.display()));
-    let text = std::fs::read(path).map_err(|e| wrong(&e))?;
+    let text = files::read(path, files::Kind::RESULTS).map_err(|e| wrong(&e))?;
     let read: Measurement = serde_json::from_slice(&text).map_err(|e| wrong(&e))?;
     if read.schema_version == MEASUREMENT_FORMAT_VERSION {
         Ok(read)

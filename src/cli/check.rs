@@ -2,13 +2,13 @@
 
 mod report;
 
-use super::console::Console;
+use super::console::{Console, print};
 use super::exit;
 use crate::judge::baseline::{Baseline, recorded_command};
 use crate::judge::gate::{Finding, gate};
 use crate::judge::tolerances::Tolerances;
 use crate::metric::MetricSet;
-use crate::report::{Format, junit};
+use crate::report::{Format, junit, text::one_line};
 use crate::store::held::{Finished, finished};
 use crate::store::{Durable, write_atomic};
 use anyhow::{Context, bail, ensure};
@@ -73,7 +73,8 @@ impl CheckArgs {
         let file = self
             .tolerances
             .clone()
-            .or_else(|| beside.is_file().then_some(beside));
+            // A link that leads nowhere or a pipe is not the same as none.
+            .or_else(|| beside.symlink_metadata().is_ok().then_some(beside));
         let mut tolerances = match file {
             Some(path) => Tolerances::read(&path, metrics)?,
             None => Tolerances::of(metrics),
@@ -135,7 +136,6 @@ pub fn run(
     let command = recorded_command(&dir).or_else(|| old.as_ref().map(|b| b.command.clone()));
     let now = Baseline::new(&results, command.unwrap_or_default());
 
-    let mut out = std::io::stdout().lock();
     if args.update_baseline {
         now.write(&args.baseline)?;
         let update = Update {
@@ -143,7 +143,7 @@ pub fn run(
             old: old.as_ref(),
             now: &now,
         };
-        write!(out, "{}", update.text(args.format, args.top))?;
+        print(&update.text(args.format, args.top))?;
         summarise(args, &update.text(Format::Md, args.top))?;
         let failed = results.failed_runs();
         if failed > 0 {
@@ -161,7 +161,7 @@ pub fn run(
         metrics,
         top: args.top,
     };
-    write!(out, "{}", report.text(args.format))?;
+    print(&report.text(args.format))?;
     if let Some(path) = &args.junit {
         let xml = junit(&old, &findings, &tolerances)?;
         write_atomic(path, Durable::Now, |w| w.write_all(xml.as_bytes()))?;
@@ -208,28 +208,34 @@ impl Update<'_> {
             .chain(&diff.improved)
             .chain(&diff.unjudged)
             .collect();
-        let mut text = report::changes(&changes, "new", format, top);
+        let text = report::changes(&changes, "new", format, top);
         if format == Format::Csv {
             return text;
         }
-        text += &report::keys("removed", &diff.missing);
-        text += &report::keys("added", &diff.added);
+        let mut rest = report::keys("removed", &diff.missing);
+        rest += &report::keys("added", &diff.added);
         if old.command != now.command {
-            text += &format!(
+            let words = |command: &[String]| one_line(&command.join(" ")).into_owned();
+            rest += &format!(
                 "command: {}\n      -> {}\n",
-                old.command.join(" "),
-                now.command.join(" ")
+                words(&old.command),
+                words(&now.command)
             );
         }
-        text + &format!(
-            "{name}: updated; {} worse, {} better, {} over other frames, {} unchanged, {} added, {} removed\n",
+        rest += &format!(
+            "{}: updated; {} worse, {} better, {} over other frames, {} unchanged, {} added, {} removed\n",
+            one_line(name),
             diff.drops.len(),
             diff.improved.len(),
             diff.unjudged.len(),
             diff.unchanged,
             diff.added.len(),
             diff.missing.len()
-        )
+        );
+        match format {
+            Format::Md => text + &report::paragraph(&rest),
+            _ => text + &rest,
+        }
     }
 }
 

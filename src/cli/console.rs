@@ -2,6 +2,7 @@
 
 use super::args::{Messages, When};
 use super::exit::{self, Failure};
+use crate::report::text;
 use crate::store::is_full;
 use std::io::{self, IsTerminal, Write};
 
@@ -34,6 +35,7 @@ impl Console {
     }
 
     fn say(&self, colour: &str, word: &str, message: &str) {
+        let message = text::one_line(message);
         // Nobody to tell if stderr is gone.
         let _ = if self.colour {
             writeln!(io::stderr(), "\x1b[1;{colour}m{word}:\x1b[0m {message}")
@@ -63,17 +65,20 @@ impl Console {
 
     /// A line of its own, whatever was asked for.
     pub fn line(&self, line: &str) {
-        let _ = writeln!(io::stderr(), "{line}");
+        let _ = writeln!(io::stderr(), "{}", text::lines(line));
     }
 }
 
-/// Prints results to stdout. A reader that has seen enough (`| head`) is no failure.
+/// Prints results to stdout, hidden characters of names escaped. A reader that has seen enough (`| head`) is no failure.
 ///
 /// # Errors
 /// Stdout cannot be written to.
 pub fn print(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+    match out
+        .write_all(text::lines(text).as_bytes())
+        .and_then(|()| out.flush())
+    {
         Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
             let code = if is_full(e.kind()) {
                 exit::STOPPED

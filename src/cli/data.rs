@@ -1,13 +1,13 @@
 //! `mtf-eval data`: looks into datasets and finds what is wrong with them.
 
+use super::console::print;
 use super::exit;
 use super::program::Program;
 use crate::dataset::{self, Dataset, LoadOptions, Severity};
+use crate::report::{Format, render, text::one_line};
 use anyhow::Result;
 use clap::{Args, Subcommand, ValueEnum};
-use comfy_table::{CellAlignment, Table, presets};
 use serde_json::{Value, json};
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -61,7 +61,6 @@ pub fn run(args: &DataArgs, program: &Program) -> Result<ExitCode> {
 
 fn check(paths: &[PathBuf], program: &Program) -> Result<ExitCode> {
     let (mut sequences, mut frames, mut errors, mut warnings) = (0, 0, 0, 0);
-    let mut out = std::io::stdout().lock();
     for path in paths {
         let checked = dataset::check(path, &program.catalogue.formats);
         sequences += checked.sequences;
@@ -71,10 +70,9 @@ fn check(paths: &[PathBuf], program: &Program) -> Result<ExitCode> {
                 Severity::Error => errors += 1,
                 Severity::Warning => warnings += 1,
             }
-            writeln!(out, "{fault}")?;
+            print(&format!("{}\n", one_line(&fault.to_string())))?;
         }
     }
-    out.flush()?;
     let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
     program.console.note(&format!(
         "{}, {}: {}, {}",
@@ -101,19 +99,17 @@ fn info(paths: &[PathBuf], format: InfoFormat, paranoid: bool, program: &Program
         let rows = rows(&set, paranoid)?;
         sets.push((set.name, rows));
     }
-    let mut out = std::io::stdout().lock();
     match format {
         InfoFormat::Json => {
             let sets: Vec<Value> = sets
                 .iter()
                 .map(|(name, rows)| json!({ "name": name, "sequences": rows }))
                 .collect();
-            serde_json::to_writer_pretty(&mut out, &json!({ "schema_version": 1, "datasets": sets }))?;
-            writeln!(out)?;
+            let document = json!({ "schema_version": 1, "datasets": sets });
+            print(&format!("{document:#}\n"))?;
         }
-        InfoFormat::Table => writeln!(out, "{}", table(&sets))?,
+        InfoFormat::Table => print(&table(&sets, program.console.table_colour))?,
     }
-    out.flush()?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -134,10 +130,8 @@ fn rows(set: &Dataset, paranoid: bool) -> Result<Vec<Value>> {
     set.sequences.iter().map(row).collect()
 }
 
-fn table(sets: &[(String, Vec<Value>)]) -> Table {
-    let mut table = Table::new();
-    table.load_preset(presets::NOTHING);
-    table.set_header([
+fn table(sets: &[(String, Vec<Value>)], colour: bool) -> String {
+    let header = [
         "dataset",
         "sequence",
         "format",
@@ -146,11 +140,11 @@ fn table(sets: &[(String, Vec<Value>)]) -> Table {
         "size",
         "fingerprint",
         "tags",
-    ]);
+    ];
     let text = |v: &Value| v.as_str().map_or_else(|| v.to_string(), String::from);
-    for row in sets.iter().flat_map(|(_, rows)| rows) {
+    let cells = |row: &Value| {
         let tags: Vec<String> = row["tags"].as_array().into_iter().flatten().map(text).collect();
-        table.add_row([
+        vec![
             text(&row["dataset"]),
             text(&row["sequence"]),
             text(&row["format"]),
@@ -160,12 +154,8 @@ fn table(sets: &[(String, Vec<Value>)]) -> Table {
             // Enough to tell data apart at a glance; JSON has all of it.
             text(&row["fingerprint"]).chars().take(12).collect(),
             tags.join(" "),
-        ]);
-    }
-    for column in [3, 4, 5] {
-        if let Some(column) = table.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
-    table
+        ]
+    };
+    let rows: Vec<Vec<String>> = sets.iter().flat_map(|(_, rows)| rows).map(cells).collect();
+    render(&header, &rows, Format::Table, colour)
 }

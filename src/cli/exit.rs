@@ -90,7 +90,10 @@ pub type Outcome = Result<ExitCode, Failure>;
 fn of_plan(error: &PlanError) -> u8 {
     match error {
         PlanError::Nothing(_) => NOTHING,
-        PlanError::NoDirectory | PlanError::Ambiguous(_) | PlanError::Sequence { .. } => USAGE,
+        PlanError::NoDirectory
+        | PlanError::Ambiguous(_)
+        | PlanError::SameText { .. }
+        | PlanError::Sequence { .. } => USAGE,
     }
 }
 
@@ -194,5 +197,13 @@ pub fn of_chain(error: anyhow::Error) -> Outcome {
         None if error.chain().any(full) => STOPPED,
         None => error.downcast_ref().map_or(USAGE, of_store),
     };
-    Err(Failure::new(code, format!("{error:#}")))
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        // Most messages end with that of their cause.
+        if !text.ends_with(&cause) {
+            text += if text.is_empty() { "" } else { ": " };
+            text += &cause;
+        }
+    }
+    Err(Failure::new(code, text))
 }

@@ -65,25 +65,24 @@ struct Listing {
 /// # Errors
 /// Data that cannot be read; stdout cannot be written to.
 pub fn run(args: &ListArgs, program: &Program) -> Outcome {
-    let catalogue = &program.catalogue;
     let listings = match args.what {
-        Some(what) => vec![listing(what, catalogue, &args.data)?],
+        Some(what) => vec![listing(what, program, &args.data)?],
         None => [ListWhat::Sm, ListWhat::Am, ListWhat::Ssm, ListWhat::Ilm]
             .into_iter()
-            .map(|what| listing(what, catalogue, &args.data))
+            .map(|what| listing(what, program, &args.data))
             .collect::<Result<_, _>>()?,
     };
+    let table = |l: &Listing| render(&l.header, &l.rows, args.format, false);
     let text = match (args.format, listings.as_slice()) {
         (Format::Json, [one]) => format!("{:#}\n", json(one)),
         (Format::Json, many) => {
             let all: Map<String, Value> = many.iter().map(|l| (l.title.to_owned(), json(l))).collect();
             format!("{:#}\n", Value::Object(all))
         }
-        (Format::Csv, many) => many.iter().map(csv).collect::<Result<Vec<_>, _>>()?.join("\n"),
-        (format, [one]) => format!("{}{}", render(&one.header, &one.rows, format, false), one.note),
-        (format, many) => {
-            let section =
-                |l: &Listing| format!("{}\n\n{}", l.title, render(&l.header, &l.rows, format, false));
+        (Format::Csv, many) => many.iter().map(table).collect::<Vec<_>>().join("\n"),
+        (_, [one]) => format!("{}{}", table(one), one.note),
+        (_, many) => {
+            let section = |l: &Listing| format!("{}\n\n{}", l.title, table(l));
             let sections: Vec<String> = many.iter().map(section).collect();
             let more = "More: mtf-eval list trackers|params|metrics|data|formats\n";
             format!("{}\n{more}", sections.join("\n"))
@@ -92,7 +91,8 @@ pub fn run(args: &ListArgs, program: &Program) -> Outcome {
     print(&text).map(|()| ExitCode::SUCCESS)
 }
 
-fn listing(what: ListWhat, catalogue: &Catalogue, data: &[PathBuf]) -> Result<Listing, Failure> {
+fn listing(what: ListWhat, program: &Program, data: &[PathBuf]) -> Result<Listing, Failure> {
+    let catalogue = &program.catalogue;
     let Catalogue {
         registry, metrics, ..
     } = catalogue;
@@ -214,7 +214,11 @@ fn listing(what: ListWhat, catalogue: &Catalogue, data: &[PathBuf]) -> Result<Li
             let builtin = [PathBuf::from(dataset::BUILTIN)];
             let mut rows = Vec::new();
             for path in if data.is_empty() { &builtin } else { data } {
-                for s in dataset::load(path, &options).map_err(Failure::usage)?.sequences {
+                let set = dataset::load(path, &options).map_err(Failure::usage)?;
+                for fault in &set.skipped {
+                    program.console.warn(&fault.to_string());
+                }
+                for s in set.sequences {
                     rows.push(vec![
                         format!("{}/{}", s.dataset(), s.name()),
                         s.len().to_string(),
@@ -285,14 +289,4 @@ fn json(listing: &Listing) -> Value {
         )
     };
     listing.rows.iter().map(object).collect()
-}
-
-fn csv(listing: &Listing) -> Result<String, Failure> {
-    let mut out = csv::Writer::from_writer(Vec::new());
-    out.write_record(&listing.header).map_err(Failure::usage)?;
-    for row in &listing.rows {
-        out.write_record(row).map_err(Failure::usage)?;
-    }
-    let bytes = out.into_inner().map_err(Failure::usage)?;
-    Ok(String::from_utf8_lossy(&bytes).into_owned())
 }

@@ -84,11 +84,18 @@ pub fn show(report: &RunReport, options: &TableOptions, console: &Console) -> Ou
         console.note(&profile.to_string());
     }
     console.note(&format!("results in {}", report.path.display()));
-    Ok(ExitCode::from(if report.failed.is_empty() {
-        0
-    } else {
-        exit::FAILED
-    }))
+    if !report.failed.is_empty() {
+        return Ok(ExitCode::from(exit::FAILED));
+    }
+    let evaluated: usize = report.results.sequences.iter().map(|r| r.score.frames()).sum();
+    if evaluated == 0 && !report.results.sequences.is_empty() {
+        return Err(Failure::new(
+            exit::NOTHING,
+            "no frame was evaluated: none after the start of a tracker has ground truth; annotate more frames or select \
+             others",
+        ));
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Runs the arguments of another `run`, as a baseline records them; returns the run directory.
@@ -96,7 +103,12 @@ pub fn show(report: &RunReport, options: &TableOptions, console: &Console) -> Ou
 /// # Errors
 /// As [`run`].
 pub fn repeat(words: &[String], program: &Program) -> Result<PathBuf, Failure> {
-    let parsed = Repeated::try_parse_from(words).map_err(|error| Failure::usage(error.render()))?;
+    let parsed = Repeated::try_parse_from(words).map_err(|error| {
+        let text = error.to_string();
+        // The rest is the usage.
+        let first = text.lines().next().unwrap_or_default();
+        Failure::usage(first.trim_start_matches("error: "))
+    })?;
     Ok(track(&parsed.run, words, program)?.path)
 }
 

@@ -1,8 +1,8 @@
 //! `mtf-eval synth`: renders a sequence with exact ground truth.
 
+use super::console::print;
 use crate::synth::{SynthError, SynthSpec, Written, texture, write_builtin, write_sequence};
 use anyhow::Context as _;
-use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -203,10 +203,8 @@ pub fn run(args: &SynthArgs, say: &dyn Fn(&str)) -> anyhow::Result<ExitCode> {
         ));
     };
     if args.list_textures {
-        let mut out = std::io::stdout().lock();
-        for t in texture::TEXTURES {
-            writeln!(out, "{:10} {}", t.name, t.about)?;
-        }
+        let line = |t: &texture::Texture| format!("{:10} {}\n", t.name, t.about);
+        print(&texture::TEXTURES.iter().map(line).collect::<String>())?;
     } else if let Some(dir) = &args.builtin {
         write_builtin(dir, args.force, report)?;
     } else {

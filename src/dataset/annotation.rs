@@ -9,6 +9,10 @@ use std::path::{Path, PathBuf};
 /// Quadrilaterals of which every three corners span less than this are lines (px²).
 const MIN_AREA: f64 = 1e-6;
 
+/// Largest coordinate, px, on either side of 0. The widest image that can be read has 65,536 pixels; an object 15 times as
+/// far away is a slip of the pen. Products of coordinates below it are far from what numbers can hold.
+pub(super) const MAX_COORDINATE: f64 = 1e6;
+
 /// Where the object is in a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
@@ -111,7 +115,7 @@ impl Annotations {
     }
 
     /// What `location` says about frame `frame`: a region, or why there is none. Corners that cannot be those of an
-    /// object (not finite, not convex, without area) count as such a reason. A reason becomes a fault, and the frame
+    /// object (not finite, beyond a million px, not convex, without area) count as such a reason. A reason becomes a fault, and the frame
     /// is not annotated. Panics when there is no such frame.
     pub fn set(&mut self, frame: usize, location: Location, region: Result<Region, DatasetErrorKind>) {
         let checked = region.and_then(|region| match region {
@@ -154,11 +158,19 @@ impl Annotations {
     }
 }
 
+/// Whether a point is where an object can be.
+pub(super) fn is_near(point: &[f64; 2]) -> bool {
+    point.iter().all(|v| v.abs() <= MAX_COORDINATE)
+}
+
 fn check_corners(corners: &Corners) -> Result<(), DatasetErrorKind> {
     if !corners.is_finite() {
         return Err(DatasetErrorKind::NotFinite);
     }
     let c = &corners.0;
+    if !c.iter().all(is_near) {
+        return Err(DatasetErrorKind::TooFar);
+    }
     let twice_area = |i: usize, j: usize, k: usize| {
         ((c[j][0] - c[i][0]) * (c[k][1] - c[i][1]) - (c[j][1] - c[i][1]) * (c[k][0] - c[i][0])).abs()
     };

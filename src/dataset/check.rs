@@ -69,7 +69,7 @@ pub struct Checked {
     pub sequences: usize,
     /// Frames decoded.
     pub frames: usize,
-    /// Every fault, in order of sequences; within one: structure, ground truth, frames.
+    /// Every fault: links that lead nowhere, then in order of sequences; within one: structure, ground truth, frames.
     pub faults: Vec<Fault>,
 }
 
@@ -86,10 +86,11 @@ pub fn check(path: &Path, formats: &Formats) -> Checked {
         }
     };
     let mut checked = Checked {
-        sequences: found.len(),
+        sequences: found.sequences.len(),
+        faults: found.dead.iter().map(|link| Fault::from(&link.fault)).collect(),
         ..Checked::default()
     };
-    for unread in found {
+    for unread in found.sequences {
         checked.frames += unread.parts.frames.len();
         checked.faults.extend(check_sequence(unread));
     }

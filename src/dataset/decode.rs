@@ -2,9 +2,11 @@
 //!
 //! A format is a line in [`KINDS`], and a file in `decode/` unless the decoder of the others reads it.
 
+mod entropy;
 mod jpeg;
 mod other;
 
+use crate::files::{self, Kind, Refused};
 use image::ImageFormat;
 use mtf::image::Pixels;
 use std::path::Path;
@@ -75,6 +77,9 @@ pub enum ImageError {
         /// What is not supported.
         detail: String,
     },
+    /// It is no regular file, or larger than an image can be.
+    #[error("{0}")]
+    Refused(Refused),
     /// The file cannot be read.
     #[error("cannot read the image: {0}")]
     Io(std::io::Error),
@@ -82,7 +87,7 @@ pub enum ImageError {
 
 impl From<std::io::Error> for ImageError {
     fn from(error: std::io::Error) -> Self {
-        ImageError::Io(error)
+        Refused::of(&error).map_or_else(|| ImageError::Io(error), ImageError::Refused)
     }
 }
 
@@ -94,7 +99,7 @@ pub fn decode(bytes: &[u8], colour: bool) -> Result<Pixels, ImageError> {
 
 /// [`decode`] of a file's content.
 pub fn decode_file(path: &Path, colour: bool) -> Result<Pixels, ImageError> {
-    decode(&std::fs::read(path)?, colour)
+    decode(&files::read(path, Kind::IMAGE)?, colour)
 }
 
 /// Width and height in pixels that the header in `bytes` claims, without decoding.
@@ -296,6 +301,72 @@ mod tests {
         assert!(matches!(
             decode(b"no image at all", false),
             Err(ImageError::UnknownFormat)
+        ));
+    }
+
+    /// Where the entropy-coded data between two markers lies, for each scan and restart interval.
+    fn intervals(bytes: &[u8]) -> Vec<std::ops::Range<usize>> {
+        let (mut all, mut at) = (Vec::new(), 2);
+        loop {
+            assert_eq!(bytes[at], 0xff);
+            let marker = bytes[at + 1];
+            at += 2;
+            match marker {
+                0xd9 => return all,
+                0xd0..=0xd7 => {}
+                _ => at += usize::from(u16::from_be_bytes([bytes[at], bytes[at + 1]])),
+            }
+            if matches!(marker, 0xda | 0xd0..=0xd7) {
+                let from = at;
+                while bytes[at] != 0xff || bytes[at + 1] == 0 {
+                    at += 1;
+                }
+                all.push(from..at);
+            }
+        }
+    }
+
+    #[test]
+    fn scans_that_end_early_are_errors() {
+        for name in [
+            "gray",
+            "ycc_444",
+            "ycc_420",
+            "ycc_420_rst",
+            "ycc_440_prog",
+            "ycc_420_prog_rst",
+            "cmyk",
+        ] {
+            let bytes = fixture(name);
+            let all = intervals(&bytes);
+            assert_eq!(
+                all.len() > 1,
+                name.contains("_prog") || name.contains("_rst"),
+                "{name}"
+            );
+            for (k, interval) in all.iter().enumerate() {
+                let lengths = interval
+                    .clone()
+                    .filter(|n| all.len() == 1 || n % 7 == 0 || n + 3 > interval.end);
+                for end in lengths {
+                    let short = [&bytes[..end], &bytes[interval.end..]].concat();
+                    let error = decode(&short, false).expect_err("data that ends early");
+                    assert!(
+                        matches!(error, ImageError::Truncated { .. }),
+                        "{name}, interval {k}, {end}: {error}"
+                    );
+                }
+            }
+        }
+        // What only zeros can follow is found as well: black from the first block on.
+        let flat = DynamicImage::from(image::GrayImage::from_pixel(64, 64, image::Luma([128])));
+        let bytes = encode(&flat, ImageFormat::Jpeg);
+        assert!(decode(&bytes, false).is_ok());
+        let data = intervals(&bytes)[0].clone();
+        let short = [&bytes[..data.start + 1], &bytes[data.end..]].concat();
+        assert!(matches!(
+            decode(&short, false),
+            Err(ImageError::Truncated { format: "JPEG" })
         ));
     }
 

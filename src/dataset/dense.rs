@@ -1,7 +1,7 @@
 //! Dense ground truth, `groundtruth_grid.csv`: a row per frame, its file name (or its number, from 0), then `x,y` of every
 //! point of a grid on the object, px. A header line is optional.
 
-use super::annotation::Annotations;
+use super::annotation::{Annotations, is_near};
 use super::format::TruthFile;
 use super::storage::{File, Folder};
 use super::{DatasetError, DatasetErrorKind, rows};
@@ -72,7 +72,11 @@ fn points(record: &csv::StringRecord, count: Option<usize>) -> Result<Box<[[f64;
     if numbers.iter().any(|v| !v.is_finite()) {
         return Err(DatasetErrorKind::NotFinite);
     }
-    Ok(numbers.chunks_exact(2).map(|c| [c[0], c[1]]).collect())
+    let points: Box<[[f64; 2]]> = numbers.chunks_exact(2).map(|c| [c[0], c[1]]).collect();
+    if !points.iter().all(is_near) {
+        return Err(DatasetErrorKind::TooFar);
+    }
+    Ok(points)
 }
 
 #[cfg(test)]
@@ -105,6 +109,7 @@ mod tests {
             ("a.png\n", "g:1: 0 numbers instead of 2"),
             ("a.png,1,x\n", "g:1: `x` is not a number"),
             ("a.png,1,nan\n", "g:1: a coordinate is not finite"),
+            ("a.png,1,-1e12\n", "g:1: a coordinate is beyond 1000000 px"),
             ("a.png,1,2\na.png,1,2\n", "g:2: a second row for frame `a.png`"),
             ("z.png,1,2\n", "g:1: there is no frame `z.png`"),
             ("7,1,2\n", "g:1: there is no frame `7`"),

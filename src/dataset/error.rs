@@ -1,6 +1,9 @@
 //! What can be wrong with a dataset, and where.
 
+use super::annotation::MAX_COORDINATE;
 use super::decode::{ImageError, image_formats};
+use crate::files::Refused;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// A fault of a dataset: where it is, what is wrong and what to do. Displays as `path:line: what; remedy`.
@@ -57,6 +60,20 @@ pub enum DatasetErrorKind {
     /// Reading failed.
     #[error("cannot be read ({0}); check its permissions")]
     Io(std::io::Error),
+    /// It is no regular file, or larger than one of its kind can be.
+    #[error("{0}")]
+    Refused(Refused),
+    /// A link that leads to nothing.
+    #[error("the link leads nowhere; make it lead to what is meant, or remove it")]
+    DeadLink,
+    /// Two names that are not UTF-8 and have the same text.
+    #[error("the names {first} and {second} are not UTF-8 and read as the same text; rename one of them")]
+    SameText {
+        /// One, its bytes escaped.
+        first: String,
+        /// The other.
+        second: String,
+    },
     /// The folder has no entries.
     #[error("the folder is empty; put a sequence (frames and `groundtruth.txt`) into it")]
     EmptyFolder,
@@ -110,6 +127,9 @@ pub enum DatasetErrorKind {
         "a coordinate is not finite; correct the row, or write a word such as `unannotated` after the frame name"
     )]
     NotFinite,
+    /// A coordinate is farther away than any image is large.
+    #[error("a coordinate is beyond {MAX_COORDINATE} px; correct the row")]
+    TooFar,
     /// All corners lie on one line or point.
     #[error("the quadrilateral has zero area; correct the row")]
     ZeroArea,
@@ -221,7 +241,18 @@ pub enum DatasetErrorKind {
 
 impl From<std::io::Error> for DatasetErrorKind {
     fn from(error: std::io::Error) -> Self {
-        DatasetErrorKind::Io(error)
+        Refused::of(&error).map_or_else(|| DatasetErrorKind::Io(error), DatasetErrorKind::Refused)
+    }
+}
+
+impl DatasetErrorKind {
+    /// [`SameText`](Self::SameText) of a name in a folder and the path of another.
+    pub(super) fn same_text(name: &OsStr, path: &Path) -> Self {
+        // Bytes that are not UTF-8 show as escapes.
+        DatasetErrorKind::SameText {
+            first: format!("{name:?}"),
+            second: format!("{:?}", path.file_name().unwrap_or_default()),
+        }
     }
 }
 

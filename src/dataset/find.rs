@@ -1,8 +1,11 @@
 //! Finds sequences in a folder and below it. Formats are detected, never configured.
 
 use super::format::{Format, Formats, Found, Place};
+use super::order::natural;
 use super::storage::Folder;
 use super::{DatasetError, DatasetErrorKind};
+use std::collections::HashSet;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Deepest level of folders below the given one that may hold frames: `root/actor/sequence`.
@@ -20,12 +23,40 @@ pub(super) struct Unread {
     pub parts: Found,
 }
 
-/// Every sequence in `root` and up to two levels below it, in natural order. Frames without ground truth are found too.
-pub(super) fn find(root: &Folder, formats: &Formats) -> Result<Vec<Unread>, DatasetError> {
+/// A link that leads nowhere, where a sequence or a part of one may have been.
+pub(super) struct DeadLink {
+    /// Name of the dataset that a sequence there would belong to.
+    pub dataset: String,
+    /// Name that the sequence has or would have.
+    pub name: String,
+    /// What is to say about it.
+    pub fault: DatasetError,
+}
+
+/// What is in a folder and below it.
+#[derive(Default)]
+pub(super) struct Finds {
+    /// Sequences, in natural order.
+    pub sequences: Vec<Unread>,
+    /// Links that lead nowhere.
+    pub dead: Vec<DeadLink>,
+}
+
+/// Every sequence in `root` and up to two levels below it, in natural order. Frames without ground truth are found too. A
+/// folder that several links lead to, or a link to a folder around it, counts once.
+pub(super) fn find(root: &Folder, formats: &Formats) -> Result<Finds, DatasetError> {
     let dataset = root.parent().unwrap_or_else(|| root.clone());
-    let mut found = Vec::new();
-    walk(root, dataset.name(), formats, 0, &mut found)?;
-    if found.is_empty() {
+    let mut walk = Walk {
+        formats,
+        seen: HashSet::from([root.identity()]),
+        finds: Finds::default(),
+    };
+    walk.visit(root, dataset.name(), 0)?;
+    let mut finds = walk.finds;
+    if finds.sequences.is_empty() {
+        if !finds.dead.is_empty() {
+            return Err(finds.dead.swap_remove(0).fault);
+        }
         let kind = if Place::new(root)?.is_empty() {
             DatasetErrorKind::EmptyFolder
         } else {
@@ -35,36 +66,69 @@ pub(super) fn find(root: &Folder, formats: &Formats) -> Result<Vec<Unread>, Data
         };
         return Err(DatasetError::new(root.path(), kind));
     }
-    Ok(found)
+    Ok(finds)
 }
 
-fn walk(
-    folder: &Folder,
-    dataset: &str,
-    formats: &Formats,
-    depth: usize,
-    all: &mut Vec<Unread>,
-) -> Result<(), DatasetError> {
-    let place = Place::new(folder)?;
-    let unread = |format, parts| Unread {
-        dataset: dataset.to_string(),
-        folder: folder.clone(),
-        format,
-        parts,
-    };
-    if let Some((format, found)) = formats.recognise(&place)? {
-        all.extend(found.into_iter().map(|parts| unread(Some(format.clone()), parts)));
-        return Ok(());
-    }
-    let before = all.len();
-    if depth < DEPTH {
-        for inner in place.folders() {
-            walk(inner, folder.name(), formats, depth + 1, all)?;
+struct Walk<'a> {
+    formats: &'a Formats,
+    /// Folders that are visited or about to be, by identity.
+    seen: HashSet<PathBuf>,
+    finds: Finds,
+}
+
+impl Walk<'_> {
+    fn visit(&mut self, folder: &Folder, dataset: &str, depth: usize) -> Result<(), DatasetError> {
+        let place = Place::new(folder)?;
+        let unread = |format, parts| Unread {
+            dataset: dataset.to_string(),
+            folder: folder.clone(),
+            format,
+            parts,
+        };
+        if let Some((format, found)) = self.formats.recognise(&place)? {
+            let found = found.into_iter().map(|parts| unread(Some(format.clone()), parts));
+            self.finds.sequences.extend(found);
+            self.bury(&place, dataset, Some(place.name()));
+            return Ok(());
         }
+        self.bury(&place, folder.name(), None);
+        let before = self.finds.sequences.len();
+        if depth < DEPTH {
+            for inner in self.new_folders(&place) {
+                self.visit(inner, folder.name(), depth + 1)?;
+            }
+        }
+        let frames = place.images();
+        if self.finds.sequences.len() == before && !frames.is_empty() {
+            let bare = unread(None, place.sequence(frames, vec![]));
+            self.finds.sequences.push(bare);
+        }
+        Ok(())
     }
-    let frames = place.images();
-    if all.len() == before && !frames.is_empty() {
-        all.push(unread(None, place.sequence(frames, vec![])));
+
+    /// The folders in `place` that were not seen before. Of several names of one folder its own counts, else the first.
+    fn new_folders<'p>(&mut self, place: &'p Place) -> Vec<&'p Folder> {
+        let here = place.folder().identity();
+        let folders = place.folders().iter().map(|f| (f, f.identity()));
+        let (own, links): (Vec<_>, Vec<_>) = folders
+            .partition(|(f, identity)| f.path().file_name().is_some_and(|n| *identity == here.join(n)));
+        let mut new = own;
+        new.extend(links);
+        new.retain(|(_, identity)| self.seen.insert(identity.clone()));
+        let mut new: Vec<&Folder> = new.into_iter().map(|(f, _)| f).collect();
+        new.sort_by(|a, b| natural(a.name(), b.name()));
+        new
     }
-    Ok(())
+
+    /// Keeps the dead links of `place`, as parts of the sequence `name` or else as sequences of `dataset`.
+    fn bury(&mut self, place: &Place, dataset: &str, name: Option<&str>) {
+        let dead = place.dead_links().iter().filter_map(|link| {
+            Some(DeadLink {
+                dataset: dataset.to_owned(),
+                name: name.unwrap_or(link.name()).to_owned(),
+                fault: link.fault()?,
+            })
+        });
+        self.finds.dead.extend(dead);
+    }
 }

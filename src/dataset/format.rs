@@ -187,6 +187,16 @@ impl Place {
         self.folder.parent()?.file(name)
     }
 
+    /// The file beside the folder that is called like it and ends in `suffix`.
+    pub fn file_beside_with(&self, suffix: &str) -> Option<File> {
+        self.folder.file_beside(suffix)
+    }
+
+    /// Links in it that lead nowhere and are not called like images.
+    pub(super) fn dead_links(&self) -> &[File] {
+        &self.listing.dead
+    }
+
     /// The image files in it, in natural order of names.
     pub fn images(&self) -> Vec<File> {
         images(self.files())

@@ -119,7 +119,7 @@ pub fn load_where(
 ) -> Result<Dataset, DatasetError> {
     let root = resolve(path)?;
     let found = find::find(&root, &options.formats)?;
-    let name = match found.first() {
+    let name = match found.sequences.first() {
         Some(first) if first.folder.path() == root.path() => first.dataset.clone(),
         _ => root.name().into(),
     };
@@ -129,8 +129,22 @@ pub fn load_where(
         unwanted: 0,
         skipped: Vec::new(),
     };
+    for link in found.dead {
+        let label = Label {
+            dataset: &link.dataset,
+            name: &link.name,
+            tags: &[],
+        };
+        if !wanted(&label) {
+            continue;
+        }
+        if options.on_bad_data == OnBadData::Fail {
+            return Err(link.fault);
+        }
+        dataset.skipped.push(Fault::from(&link.fault));
+    }
     let mut last = None;
-    for unread in found {
+    for unread in found.sequences {
         let draft = Draft::new(unread);
         if !wanted(&draft.label()) {
             dataset.unwanted += 1;
@@ -170,6 +184,8 @@ fn open(mut draft: Draft, options: &LoadOptions, faults: &mut Vec<DatasetError>)
         }
     };
     faults.append(&mut draft.annotations.faults);
+    // Known from the folder alone; all else about frames shows when they are read.
+    faults.extend(draft.unread.parts.frames.iter().filter_map(File::fault));
     let frames = draft.unread.parts.frames.len();
     if options.start >= frames || options.max_frames == Some(0) {
         let kind = DatasetErrorKind::NothingSelected {

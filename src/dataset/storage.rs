@@ -1,29 +1,49 @@
 //! Where the bytes of a dataset come from: folders and files of a storage, which is the disk or the program itself.
 //!
-//! A new storage is an implementation of [`Storage`]. Depends on nothing else but the errors and the order of names.
+//! A new storage is an implementation of [`Storage`]. Depends on the reading of files, the errors and the order of names.
 
+use super::decode::is_image_name;
 use super::{DatasetError, DatasetErrorKind, order::natural};
+use crate::files::{self, Kind, Refused};
 use include_dir::{Dir, DirEntry};
 use std::borrow::Cow;
-use std::ffi::OsStr;
+use std::collections::HashMap;
+use std::ffi::{OsStr, OsString};
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A tree of folders and files. Paths are those that messages show.
 pub(super) trait Storage: std::fmt::Debug + Send + Sync {
-    /// What is in the folder `path`, in any order: the name of each entry, and whether it is a folder.
-    fn list(&self, path: &Path) -> Result<Vec<(String, bool)>, Error>;
-    /// Content of the file `path`.
-    fn read(&self, path: &Path) -> Result<Cow<'static, [u8]>, Error>;
+    /// What is in the folder `path`, in any order: each entry's name and what it is.
+    fn list(&self, path: &Path) -> Result<Vec<(OsString, Entry)>, Error>;
+    /// Content of the file `path`, which is of kind `kind`.
+    fn read(&self, path: &Path, kind: Kind) -> Result<Cow<'static, [u8]>, Error>;
     /// Length of the file `path` in bytes; `None` when there is no such file.
     fn size(&self, path: &Path) -> Option<u64>;
     /// The folder that holds the folder `path`; `None` at the top.
     fn parent(&self, path: &Path) -> Option<PathBuf>;
+    /// The one path of the folder `path`, whatever links lead to it.
+    fn identity(&self, path: &Path) -> PathBuf {
+        path.to_path_buf()
+    }
     /// `path` with a last component that is a name.
     fn named(&self, path: &Path) -> PathBuf {
         path.to_path_buf()
     }
+}
+
+/// What an entry of a folder is, links followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Entry {
+    /// A folder.
+    Folder,
+    /// A regular file.
+    File,
+    /// A pipe, a socket or a device.
+    Irregular(&'static str),
+    /// A link that leads to nothing.
+    DeadLink,
 }
 
 /// The file system.
@@ -31,20 +51,28 @@ pub(super) trait Storage: std::fmt::Debug + Send + Sync {
 pub(super) struct Disk;
 
 impl Storage for Disk {
-    fn list(&self, path: &Path) -> Result<Vec<(String, bool)>, Error> {
+    fn list(&self, path: &Path) -> Result<Vec<(OsString, Entry)>, Error> {
         let mut entries = Vec::new();
         for entry in std::fs::read_dir(path)? {
             let entry = entry?;
-            // Follows links; an entry that vanished or leads nowhere is no file.
-            if let Ok(meta) = std::fs::metadata(entry.path()) {
-                entries.push((entry.file_name().to_string_lossy().into_owned(), meta.is_dir()));
-            }
+            let is = match std::fs::metadata(entry.path()) {
+                Ok(meta) if meta.is_dir() => Entry::Folder,
+                Ok(meta) => files::irregular(meta.file_type()).map_or(Entry::File, Entry::Irregular),
+                // An entry that has vanished since is none.
+                Err(_) if entry.file_type().is_ok_and(|t| t.is_symlink()) => Entry::DeadLink,
+                Err(_) => continue,
+            };
+            entries.push((entry.file_name(), is));
         }
         Ok(entries)
     }
 
-    fn read(&self, path: &Path) -> Result<Cow<'static, [u8]>, Error> {
-        std::fs::read(path).map(Cow::Owned)
+    fn read(&self, path: &Path, kind: Kind) -> Result<Cow<'static, [u8]>, Error> {
+        files::read(path, kind).map(Cow::Owned)
+    }
+
+    fn identity(&self, path: &Path) -> PathBuf {
+        path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
     }
 
     fn size(&self, path: &Path) -> Option<u64> {
@@ -107,15 +135,15 @@ fn find(entries: &'static [DirEntry<'static>], name: &OsStr) -> Option<&'static 
 }
 
 impl Storage for Embedded {
-    fn list(&self, path: &Path) -> Result<Vec<(String, bool)>, Error> {
+    fn list(&self, path: &Path) -> Result<Vec<(OsString, Entry)>, Error> {
         let entry = |entry: &DirEntry<'_>| {
-            let name = entry.path().file_name().unwrap_or_default();
-            (name.to_string_lossy().into_owned(), entry.as_dir().is_some())
+            let is = entry.as_dir().map_or(Entry::File, |_| Entry::Folder);
+            (entry.path().file_name().unwrap_or_default().to_owned(), is)
         };
         Ok(self.entries(path)?.iter().map(entry).collect())
     }
 
-    fn read(&self, path: &Path) -> Result<Cow<'static, [u8]>, Error> {
+    fn read(&self, path: &Path, _: Kind) -> Result<Cow<'static, [u8]>, Error> {
         self.content(path).map(Cow::Borrowed)
     }
 
@@ -143,6 +171,7 @@ pub struct File {
     storage: Arc<dyn Storage>,
     path: PathBuf,
     name: String,
+    is: Entry,
 }
 
 /// Files and folders in a folder, each in natural order of names; hidden ones are left out.
@@ -150,6 +179,8 @@ pub struct File {
 pub(super) struct Listing {
     pub files: Vec<File>,
     pub folders: Vec<Folder>,
+    /// Links that lead nowhere. Those that are called like images are among the files: a frame is missing.
+    pub dead: Vec<File>,
 }
 
 impl Folder {
@@ -185,25 +216,65 @@ impl Folder {
             storage: self.storage.clone(),
             path,
             name: name.into(),
+            is: Entry::File,
         })
     }
 
+    /// The file beside it that is called like it and ends in `suffix`, whatever bytes its name is made of.
+    pub(super) fn file_beside(&self, suffix: &str) -> Option<File> {
+        let mut name = self.storage.named(&self.path).file_name()?.to_owned();
+        name.push(suffix);
+        let path = self.storage.parent(&self.path)?.join(&name);
+        self.storage.size(&path)?;
+        Some(File {
+            storage: self.storage.clone(),
+            path,
+            name: name.to_string_lossy().into_owned(),
+            is: Entry::File,
+        })
+    }
+
+    /// The one path that it has, whatever links lead to it.
+    pub(super) fn identity(&self) -> PathBuf {
+        self.storage.identity(&self.path)
+    }
+
     /// Its files and folders.
+    ///
+    /// # Errors
+    /// It cannot be listed, or has names that cannot be told apart as texts.
     pub(super) fn list(&self) -> Result<Listing, DatasetError> {
         let mut listing = Listing::default();
+        let mut names: HashMap<String, OsString> = HashMap::new();
         let entries = self.storage.list(&self.path);
-        for (name, is_folder) in entries.map_err(|e| DatasetError::new(&self.path, e.into()))? {
+        for (raw, is) in entries.map_err(|e| DatasetError::new(&self.path, e.into()))? {
+            let name = raw.to_string_lossy().into_owned();
             if name.starts_with('.') {
                 continue;
             }
-            let (storage, path) = (self.storage.clone(), self.path.join(&name));
-            if is_folder {
+            let (storage, path) = (self.storage.clone(), self.path.join(&raw));
+            if let Some(other) = names.insert(name.clone(), raw) {
+                let kind = DatasetErrorKind::same_text(&other, &path);
+                return Err(DatasetError::new(&self.path, kind));
+            }
+            if is == Entry::Folder {
                 listing.folders.push(Folder { storage, path, name });
+                continue;
+            }
+            let file = File {
+                storage,
+                path,
+                name,
+                is,
+            };
+            if is == Entry::DeadLink && !is_image_name(&file.name) {
+                listing.dead.push(file);
             } else {
-                listing.files.push(File { storage, path, name });
+                listing.files.push(file);
             }
         }
         listing.files.sort_by(|a, b| natural(&a.name, &b.name));
+        listing.dead.sort_by(|a, b| natural(&a.name, &b.name));
         listing.folders.sort_by(|a, b| natural(&a.name, &b.name));
         Ok(listing)
     }
@@ -220,18 +291,40 @@ impl File {
         &self.name
     }
 
-    /// Its content.
+    /// Its content: that of an image when it is called so, else a text of ground truth.
     ///
     /// # Errors
-    /// It is not there, or cannot be read.
+    /// It is not there, is no regular file, is larger than such a file can be, or cannot be read.
     pub fn read(&self) -> Result<Cow<'static, [u8]>, DatasetError> {
-        self.storage.read(&self.path).map_err(|e| {
+        self.read_as(if is_image_name(&self.name) {
+            Kind::IMAGE
+        } else {
+            Kind::TRUTH
+        })
+    }
+
+    /// Its content, which is of kind `kind`.
+    pub(super) fn read_as(&self, kind: Kind) -> Result<Cow<'static, [u8]>, DatasetError> {
+        self.storage.read(&self.path, kind).map_err(|e| {
             let kind = match e.kind() {
-                ErrorKind::NotFound => DatasetErrorKind::Missing,
+                ErrorKind::NotFound => self.unusable().unwrap_or(DatasetErrorKind::Missing),
                 _ => e.into(),
             };
             DatasetError::new(&self.path, kind)
         })
+    }
+
+    /// Why it cannot be read, as far as its folder tells.
+    pub(super) fn fault(&self) -> Option<DatasetError> {
+        Some(DatasetError::new(&self.path, self.unusable()?))
+    }
+
+    fn unusable(&self) -> Option<DatasetErrorKind> {
+        match self.is {
+            Entry::Folder | Entry::File => None,
+            Entry::Irregular(what) => Some(DatasetErrorKind::Refused(Refused::Irregular(what))),
+            Entry::DeadLink => Some(DatasetErrorKind::DeadLink),
+        }
     }
 
     /// Its length in bytes; `None` when it cannot be asked.
@@ -248,10 +341,10 @@ impl File {
         struct Memory(Vec<u8>);
 
         impl Storage for Memory {
-            fn list(&self, _: &Path) -> Result<Vec<(String, bool)>, Error> {
+            fn list(&self, _: &Path) -> Result<Vec<(OsString, Entry)>, Error> {
                 Err(ErrorKind::NotFound.into())
             }
-            fn read(&self, _: &Path) -> Result<Cow<'static, [u8]>, Error> {
+            fn read(&self, _: &Path, _: Kind) -> Result<Cow<'static, [u8]>, Error> {
                 Ok(Cow::Owned(self.0.clone()))
             }
             fn size(&self, _: &Path) -> Option<u64> {
@@ -266,6 +359,7 @@ impl File {
             storage: Arc::new(Memory(bytes)),
             path: name.into(),
             name: name.into(),
+            is: Entry::File,
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::annotation::Annotations;
 use super::storage::Folder;
 use super::{DatasetError, DatasetErrorKind};
+use crate::files::Kind;
 
 /// Adds the words of `tags.txt` and of `tags` in `meta.json`, in order, each once.
 ///
@@ -11,7 +12,7 @@ use super::{DatasetError, DatasetErrorKind};
 pub(super) fn read(folder: &Folder, annotations: &mut Annotations) -> Result<(), DatasetError> {
     let mut tags: Vec<String> = Vec::new();
     if let Some(file) = folder.file("tags.txt") {
-        let bytes = file.read()?;
+        let bytes = file.read_as(Kind::SETTINGS)?;
         let text = String::from_utf8_lossy(&bytes);
         let words = text
             .split(|c: char| c.is_whitespace() || c == ',')
@@ -24,7 +25,7 @@ pub(super) fn read(folder: &Folder, annotations: &mut Annotations) -> Result<(),
             #[serde(default)]
             tags: Vec<String>,
         }
-        let meta: Meta = serde_json::from_slice(&file.read()?).map_err(|e| {
+        let meta: Meta = serde_json::from_slice(&file.read_as(Kind::SETTINGS)?).map_err(|e| {
             DatasetError::new(
                 file.path(),
                 DatasetErrorKind::BadMeta {

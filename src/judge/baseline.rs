@@ -1,6 +1,7 @@
 //! Baseline files of the regression gate: for every tracker, the gated figures of each sequence and pooled (`sr_5`, `auc`,
 //! `al_median` and what added metrics give), and the command that made them. [`crate::judge::gate`] compares them.
 
+use crate::files;
 use crate::judge::change::Subject;
 use crate::metric::aggregate::{ALL_DATASETS, Average, POOLED, Results};
 use crate::metric::{Figure, MetricSet, Score};
@@ -177,7 +178,7 @@ impl Baseline {
     /// # Errors
     /// [`FileError`] when it is missing, damaged or of another version.
     pub fn read(path: &Path, metrics: &MetricSet) -> Result<Baseline, FileError> {
-        let text = std::fs::read(path).map_err(|e| FileError::io(path, e))?;
+        let text = files::read(path, files::Kind::RESULTS).map_err(|e| FileError::io(path, e))?;
         check_version(path, &text, BASELINE_FORMAT_VERSION)?;
         let recorded: Recorded = serde_json::from_slice(&text).map_err(|e| FileError::format(path, e))?;
         let lines = recorded.figures.into_iter();

@@ -158,6 +158,18 @@ fn obstacles(baseline: &Baseline, now: &Baseline, found: &Findings) -> Vec<Strin
         vec!["the baseline holds no figures".to_owned()]
     } else if today.is_empty() {
         vec!["the run holds no figures".to_owned()]
+    } else if let Some(which) = [(baseline, "baseline"), (now, "run")]
+        .into_iter()
+        .find_map(|(b, which)| {
+            b.lines
+                .iter()
+                .all(|l| l.frames == 0 && !l.failed)
+                .then_some(which)
+        })
+    {
+        vec![format!(
+            "the {which} is over no frame: none after the start of a tracker has ground truth"
+        )]
     } else if !then.is_subset(&today) {
         let list = |p: BTreeSet<&str>| p.into_iter().collect::<Vec<_>>().join(", ");
         vec![format!(
@@ -277,6 +289,25 @@ mod tests {
         assert_eq!(compare(&then, &elsewhere).conclusion(), Conclusion::NotComparable);
         assert_eq!(compare(&[], &then).conclusion(), Conclusion::NotComparable);
         assert_eq!(compare(&then, &[]).conclusion(), Conclusion::NotComparable);
+    }
+
+    #[test]
+    fn figures_over_no_frame_are_no_evidence() {
+        let (some, none) = (one(&[Some(1.0)]), one(&[]));
+        for (then, now, which) in [
+            (&none, &none, "baseline"),
+            (&some, &none, "run"),
+            (&none, &some, "baseline"),
+        ] {
+            let c = compare(then, now);
+            assert_eq!(c.conclusion(), Conclusion::NotComparable);
+            let expected = format!("the {which} is over no frame");
+            assert!(
+                c.not_comparable[0].starts_with(&expected),
+                "{:?}",
+                c.not_comparable
+            );
+        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! How much worse a figure may get before the regression gate fails: one rule for all, and others for some trackers or
 //! sequences.
 
+use crate::files;
 use crate::judge::baseline::gated;
 use crate::judge::change::Subject;
 use crate::metric::{Figure, MetricSet};
@@ -133,12 +134,16 @@ impl Tolerances {
     /// # Errors
     /// [`FileError`] when it is missing, not TOML, has other keys or a tolerance is not a number `>= 0`.
     pub fn read(path: &Path, metrics: &MetricSet) -> Result<Tolerances, FileError> {
-        let text = std::fs::read_to_string(path).map_err(|e| FileError::io(path, e))?;
+        let text = files::read_text(path, files::Kind::SETTINGS).map_err(|e| FileError::io(path, e))?;
         Tolerances::parse(&text, metrics).map_err(|reason| FileError::format(path, reason))
     }
 
     fn parse(text: &str, metrics: &MetricSet) -> Result<Tolerances, String> {
-        let recorded: Recorded = toml::from_str(text).map_err(|e| e.to_string())?;
+        let recorded: Recorded = toml::from_str(text).map_err(|e| {
+            let until = e.span().map_or(0, |s| s.start);
+            let line = 1 + text.bytes().take(until).filter(|b| *b == b'\n').count();
+            format!("line {line}: {}", e.message())
+        })?;
         let mut tolerances = Tolerances::of(metrics);
         let special = recorded.overrides.iter().flat_map(|o| &o.figures);
         for (name, tolerance) in recorded.figures.iter().chain(special) {

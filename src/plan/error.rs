@@ -15,6 +15,14 @@ pub enum PlanError {
         "two different sequences are both called {0}: give one of the data sets another folder name, or run them apart"
     )]
     Ambiguous(String),
+    /// Two sequences whose names are not UTF-8 have the same text.
+    #[error("the sequences {first} and {second} are not UTF-8 and read as the same text; rename one of them")]
+    SameText {
+        /// Where one is, its bytes escaped.
+        first: String,
+        /// Where the other is.
+        second: String,
+    },
     /// A sequence cannot be evaluated.
     #[error("{sequence}: {reason}")]
     Sequence {

@@ -16,6 +16,7 @@
 //! "nn.n_samples" = 1000
 //! ```
 
+use crate::files;
 use mtf::registry::{SpecError, hint, suggest};
 use std::path::{Path, PathBuf};
 use toml::Spanned;
@@ -88,10 +89,11 @@ impl ExperimentFile {
     /// # Errors
     /// It cannot be read, is no TOML, or has keys or values of a kind that mean nothing.
     pub fn read(path: &Path) -> Result<ExperimentFile, ExperimentFileError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ExperimentFileError::Io {
-            path: path.to_path_buf(),
-            source,
-        })?;
+        let text =
+            files::read_text(path, files::Kind::SETTINGS).map_err(|source| ExperimentFileError::Io {
+                path: path.to_path_buf(),
+                source,
+            })?;
         ExperimentFile::parse(&text, path)
     }
 

@@ -11,7 +11,7 @@ use crate::metric::aggregate::TrackerName;
 use mtf::image::{Gaussian, PreProcessor};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -304,9 +304,14 @@ impl RunRequest {
         let mut seen: BTreeMap<(&str, &str), (&Sequence, String)> = BTreeMap::new();
         for sequence in &self.sequences {
             let fingerprint = sequence.fingerprint();
-            let (_, first) = seen
+            let (other, first) = seen
                 .entry((sequence.dataset(), sequence.name()))
                 .or_insert((sequence, fingerprint.clone()));
+            let places = [other.path(), sequence.path()];
+            if places.iter().any(|p| p.to_str().is_none()) && !same_place(places) {
+                let [first, second] = places.map(|p| format!("{p:?}"));
+                return Err(PlanError::SameText { first, second });
+            }
             if *first != fingerprint {
                 return Err(PlanError::Ambiguous(sequence_id(sequence)));
             }
@@ -369,6 +374,11 @@ impl RunRequest {
 /// `dataset/sequence`.
 pub fn sequence_id(sequence: &Sequence) -> String {
     format!("{}/{}", sequence.dataset(), sequence.name())
+}
+
+/// Whether two paths lead to one folder.
+fn same_place([a, b]: [&Path; 2]) -> bool {
+    a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 #[cfg(test)]

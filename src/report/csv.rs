@@ -1,5 +1,6 @@
 //! The three CSV files of a run directory.
 
+use super::text;
 use crate::metric::aggregate::{Results, SummaryRow, TrackerName};
 use crate::metric::figure::Kind;
 use crate::metric::{MetricSet, Score};
@@ -50,7 +51,8 @@ fn write_rows<'a>(
     let mut csv = csv::Writer::from_writer(out);
     csv.write_record(header).map_err(own)?;
     for row in rows {
-        csv.write_record(row).map_err(own)?;
+        csv.write_record(row.iter().map(|c| text::cell(c).into_owned()))
+            .map_err(own)?;
     }
     csv.flush()
 }

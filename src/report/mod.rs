@@ -11,6 +11,7 @@ mod json;
 mod junit;
 mod plot;
 mod table;
+pub mod text;
 
 pub use bars::bars_svg;
 pub use exporter::{About, EXPORTERS, Exporter, ExporterError, Exporters};

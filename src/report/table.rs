@@ -1,6 +1,7 @@
 //! What goes to standard output: aligned tables, Markdown, CSV and JSON.
 
-use super::csv;
+use super::text::{BOLD, PLAIN};
+use super::{csv, text};
 use crate::metric::MetricSet;
 use crate::metric::aggregate::{Results, SummaryRow};
 use crate::store::summary;
@@ -201,7 +202,9 @@ pub fn render(header: &[&str], rows: &[Vec<String>], format: Format, colour: boo
         let mut writer = ::csv::Writer::from_writer(Vec::new());
         // Writing rows of one length to memory cannot fail.
         let _ = writer.write_record(header);
-        rows.iter().for_each(|row| drop(writer.write_record(row)));
+        for row in rows {
+            let _ = writer.write_record(row.iter().map(|c| text::cell(c).into_owned()));
+        }
         return writer
             .into_inner()
             .ok()
@@ -216,13 +219,10 @@ pub fn render(header: &[&str], rows: &[Vec<String>], format: Format, colour: boo
     });
     grid.set_header(header.iter().copied());
     for row in rows {
-        // A bar would end the cell of a Markdown table.
-        grid.add_row(row.iter().map(|c| {
-            if format == Format::Md {
-                c.replace('|', "\\|")
-            } else {
-                c.clone()
-            }
+        // The end of a line would tear the row.
+        grid.add_row(row.iter().map(|c| match format {
+            Format::Md => text::markdown(c),
+            _ => text::one_line(c).into_owned(),
         }));
     }
     let number = |c: &str| {
@@ -233,7 +233,7 @@ pub fn render(header: &[&str], rows: &[Vec<String>], format: Format, colour: boo
             column.set_cell_alignment(CellAlignment::Right);
         }
     }
-    let mut text = String::new();
+    let (bold, mut text) = (colour && format == Format::Table, String::new());
     for (i, line) in grid.lines().enumerate() {
         let line = line.trim_end();
         let line = if format == Format::Md {
@@ -241,8 +241,8 @@ pub fn render(header: &[&str], rows: &[Vec<String>], format: Format, colour: boo
         } else {
             line.strip_prefix(' ').unwrap_or(line)
         };
-        text += &if i == 0 && colour && format == Format::Table {
-            format!("\x1b[1m{line}\x1b[0m")
+        text += &if i == 0 && bold {
+            format!("{BOLD}{line}{PLAIN}")
         } else {
             line.to_owned()
         };

@@ -7,7 +7,7 @@ use crate::measure::machine::cpu_name;
 use crate::metric::aggregate::{Results, UnitResult, UnitStatus, aggregate_tracker};
 use crate::metric::{Errors, MetricSet};
 use crate::plan::{Plan, Unit, UnitKeys};
-use crate::report::{About, Exporters};
+use crate::report::{About, Exporters, text};
 use crate::run::error::RunError;
 use crate::store::Durable;
 use crate::store::StoreError;
@@ -183,7 +183,7 @@ fn write_timing(dir: &RunDir, plan: &Plan, times: &[(Unit, UnitTime)]) -> Result
     let cpu = cpu_name();
     let mut out = csv::Writer::from_writer(Vec::new());
     let write = |out: &mut csv::Writer<Vec<u8>>, fields: &[&str]| {
-        out.write_record(fields)
+        out.write_record(fields.iter().map(|c| text::cell(c).into_owned()))
             .map_err(|e| StoreError::io(&path, e.into()))
     };
     let header = "tracker,dataset,sequence,start,frames,seconds,fps,ms_median,ms_p95,fps_with_input,init_seconds,threads,comparable,cpu,course";

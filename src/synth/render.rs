@@ -13,6 +13,7 @@ use super::spec::{Background, Mode, Source, SynthError, SynthSpec};
 use super::surface::Surface;
 use super::texture;
 use super::trajectory::{Trajectory, affine_misfit, project};
+use crate::files;
 use image::RgbImage;
 use mtf::geom::{Corners, Mat3, homography};
 use rayon::prelude::*;
@@ -83,10 +84,12 @@ fn load(source: &Source, seed: u64) -> Result<RgbImage, SynthError> {
             )
         }
         Source::File(path) => {
-            let image = image::open(path).map_err(|e| SynthError::Image {
+            let failed = |reason: String| SynthError::Image {
                 path: path.clone(),
-                reason: e.to_string(),
-            })?;
+                reason,
+            };
+            let bytes = files::read(path, files::Kind::IMAGE).map_err(|e| failed(e.to_string()))?;
+            let image = image::load_from_memory(&bytes).map_err(|e| failed(e.to_string()))?;
             Ok(image.to_rgb8())
         }
     }

@@ -5,6 +5,7 @@ use crate::judge::change::Subject;
 use crate::judge::gate::{Conclusion, Finding, Findings};
 use crate::judge::tolerances::Tolerances;
 use crate::metric::MetricSet;
+use crate::report::text::{markdown, one_line};
 use crate::report::{Format, render};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -25,8 +26,12 @@ impl Report<'_> {
         match format {
             Format::Json => json(self.findings, Some(self.tolerances)),
             Format::Csv => self.drops(format),
-            Format::Table | Format::Md => {
+            Format::Table => {
                 format!("{}{}{}\n", self.drops(format), self.remarks(), self.conclusion())
+            }
+            Format::Md => {
+                let rest = format!("{}{}\n", self.remarks(), self.conclusion());
+                format!("{}{}", self.drops(format), paragraph(&rest))
             }
         }
     }
@@ -38,10 +43,10 @@ impl Report<'_> {
             Conclusion::Passed => "✅",
             _ => "❌",
         };
-        let mut text = format!("### {mark} mtf-eval {}\n\n", self.conclusion());
+        let mut text = format!("### {mark} mtf-eval {}\n\n", markdown(&self.conclusion()));
         text += &self.drops(Format::Md);
         for remark in self.remarks().lines() {
-            text += &format!("- {remark}\n");
+            text += &format!("- {}\n", markdown(remark));
         }
         if !c.improved.is_empty() {
             let improved: Vec<&Finding> = c.improved.iter().collect();
@@ -51,7 +56,7 @@ impl Report<'_> {
                 c.improved.len()
             );
         }
-        text + &format!("\nRun: `{}`\n", run.display())
+        text + &format!("\nRun: {}\n", markdown(&run.display().to_string()))
     }
 
     fn drops(&self, format: Format) -> String {
@@ -64,7 +69,7 @@ impl Report<'_> {
         let c = self.findings;
         let mut text = String::new();
         for reason in &c.not_comparable {
-            text += &format!("not comparable: {reason}\n");
+            text += &format!("not comparable: {}\n", one_line(reason));
         }
         text += &keys("missing", &c.missing);
         text += &keys("failed", &c.failed);
@@ -158,13 +163,18 @@ pub fn changes(changes: &[&Finding], now: &str, format: Format, top: usize) -> S
     text
 }
 
+/// Lines of text as Markdown.
+pub fn paragraph(lines: &str) -> String {
+    lines.lines().map(|line| markdown(line) + "\n").collect()
+}
+
 /// One line per subject, at most twenty.
 pub fn keys(what: &str, subjects: &[Subject]) -> String {
     const SHOWN: usize = 20;
     let mut text: String = subjects
         .iter()
         .take(SHOWN)
-        .map(|k| format!("{what}: {} on {}\n", k.tracker, k.place()))
+        .map(|k| format!("{what}: {} on {}\n", one_line(&k.tracker), one_line(&k.place())))
         .collect();
     if subjects.len() > SHOWN {
         text += &format!("{what}: {} more\n", subjects.len() - SHOWN);

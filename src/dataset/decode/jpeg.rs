@@ -1,6 +1,6 @@
 //! JPEG.
 
-use super::{ImageError, ImageKind, check_size, one_line};
+use super::{ImageError, ImageKind, check_size, entropy, one_line};
 use image::ImageFormat;
 use mtf::image::Pixels;
 use zune_core::bytestream::ZCursor;
@@ -45,9 +45,10 @@ fn claimed_size(decoder: &JpegDecoder<ZCursor<&[u8]>>) -> Result<(usize, usize),
 }
 
 fn decode(_: &ImageKind, bytes: &[u8], colour: bool) -> Result<Pixels, ImageError> {
-    let mut decoder = opened(bytes)?;
-    let (width, height) = claimed_size(&decoder)?;
     let markers = walk(bytes);
+    let guarded = markers.only_scan_ends_at.map(|end| guarded(bytes, end));
+    let mut decoder = opened(guarded.as_deref().unwrap_or(bytes))?;
+    let (width, height) = claimed_size(&decoder)?;
     if !markers.reaches_end {
         return Err(ImageError::Truncated { format: NAME });
     }
@@ -64,6 +65,10 @@ fn decode(_: &ImageKind, bytes: &[u8], colour: bool) -> Result<Pixels, ImageErro
     };
     decoder.set_options(options().jpeg_set_out_colorspace(output));
     let pixels = decoder.decode().map_err(|e| error_of(bytes, e))?;
+    // A guard has failed the decoder already.
+    if guarded.is_none() && entropy::ends_early(bytes) {
+        return Err(ImageError::Truncated { format: NAME });
+    }
     if pixels.len() != width * height * output.num_components() {
         let detail = "the decoder returned another number of pixels".into();
         return Err(ImageError::Corrupt { format: NAME, detail });
@@ -81,6 +86,9 @@ fn decode(_: &ImageKind, bytes: &[u8], colour: bool) -> Result<Pixels, ImageErro
 struct Markers {
     /// They lead to an end-of-image marker. Decoders fill what is missing with gray.
     reaches_end: bool,
+    /// Where the codes of the only scan end, when it is all there is before the end of the image: no other scan, no
+    /// restart markers.
+    only_scan_ends_at: Option<usize>,
     /// Sequential, not progressive.
     sequential: bool,
     /// Horizontal (high four bits) and vertical (low four bits) sampling factor of each component.
@@ -104,9 +112,27 @@ impl Markers {
     }
 }
 
+/// One bits, 16 bytes of them with the zeros that keep them from being markers: more than the decoder reads ahead.
+const GUARD: [u8; 32] = {
+    let mut guard = [0xff; 32];
+    let mut k = 1;
+    while k < guard.len() {
+        guard[k] = 0;
+        k += 2;
+    }
+    guard
+};
+
+/// The file with one bits where the codes of its only scan end. The decoder goes on with zeros when a marker comes before
+/// the last block, and zeros are codes; ones are none (ITU-T T.81, C.2), so that a scan that ends early is an error. The
+/// decoder never gets to them otherwise. Costs a copy, where [`entropy`] reads each code once more.
+fn guarded(bytes: &[u8], end: usize) -> Vec<u8> {
+    [&bytes[..end], &GUARD, &bytes[end..]].concat()
+}
+
 fn walk(bytes: &[u8]) -> Markers {
     let mut found = Markers::default();
-    let mut at = 0;
+    let (mut at, mut in_scan, mut scans, mut restarts) = (0, false, 0, false);
     while let Some(step) = bytes
         .get(at..)
         .and_then(|rest| rest.iter().position(|&b| b == 0xff))
@@ -116,10 +142,16 @@ fn walk(bytes: &[u8]) -> Markers {
             None => break,
             Some(0xd9) => {
                 found.reaches_end = true;
+                found.only_scan_ends_at =
+                    (in_scan && scans == 1 && !restarts && found.sequential).then_some(at);
                 break;
             }
-            Some(0xff) => at += 1,                      // fill byte
-            Some(0x00 | 0x01 | 0xd0..=0xd8) => at += 2, // stuffed byte or a marker without a segment
+            Some(0xff) => at += 1, // fill byte
+            // Stuffed byte or a marker without a segment.
+            Some(marker @ (0x00 | 0x01 | 0xd0..=0xd8)) => {
+                restarts |= matches!(marker, 0xd0..=0xd7);
+                at += 2;
+            }
             Some(marker) => {
                 let Some(&[high, low]) = bytes.get(at + 2..at + 4) else {
                     break;
@@ -132,6 +164,9 @@ fn walk(bytes: &[u8]) -> Markers {
                     found.sequential = *marker <= 0xc1;
                     found.sampling = components.chunks_exact(3).map(|component| component[1]).collect();
                 }
+                in_scan = *marker == 0xda;
+                restarts |= *marker == 0xdd;
+                scans += usize::from(in_scan);
                 at += 2 + length;
             }
         }
@@ -142,7 +177,7 @@ fn walk(bytes: &[u8]) -> Markers {
 fn error_of(bytes: &[u8], error: DecodeErrors) -> ImageError {
     let format = NAME;
     match error {
-        _ if !walk(bytes).reaches_end => ImageError::Truncated { format },
+        _ if !walk(bytes).reaches_end || entropy::ends_early(bytes) => ImageError::Truncated { format },
         DecodeErrors::ExhaustedData | DecodeErrors::IoErrors(_) => ImageError::Truncated { format },
         DecodeErrors::Unsupported(scheme) => ImageError::Unsupported {
             format,

@@ -25,7 +25,7 @@ impl Format for MtfText {
         if frames.is_empty() {
             return Ok(vec![]);
         }
-        let truth = place.file_beside(&format!("{}.txt", place.name()));
+        let truth = place.file_beside_with(".txt");
         let found = truth.map(|truth| place.sequence(frames, vec![truth]));
         Ok(found.into_iter().collect())
     }

@@ -137,8 +137,21 @@ mod onnx {
         graph.output.iter().all(|o| made.contains(o.name.as_str()))
     }
 
+    /// Largest file that is read: 1 GiB, which is 268 million weights of 4 bytes. Networks for patches have far fewer.
+    const MOST_BYTES: u64 = 1 << 30;
+
     pub fn read(path: &str) -> Result<Graph, NetworkError> {
-        let bytes = std::fs::read(path).map_err(|e| NetworkError::Read(e.to_string()))?;
+        let failed = |e: std::io::Error| NetworkError::Read(e.to_string());
+        // Opening a pipe or reading a device may never end.
+        let meta = std::fs::metadata(path).map_err(failed)?;
+        if !meta.is_file() {
+            return Err(NetworkError::Read("not a regular file".to_owned()));
+        }
+        if meta.len() > MOST_BYTES {
+            let reason = format!("{} bytes, more than the limit of {MOST_BYTES}", meta.len());
+            return Err(NetworkError::Read(reason));
+        }
+        let bytes = std::fs::read(path).map_err(failed)?;
         let format = |e: TractError| NetworkError::Format(reason(&e));
         let onnx = tract_onnx::onnx();
         let proto = onnx.proto_model_for_read(&mut &bytes[..]).map_err(format)?;

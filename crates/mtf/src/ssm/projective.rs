@@ -19,6 +19,16 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 /// Largest number of parameters of a projective model.
 pub const MAX_DOF: usize = 8;
 
+/// A step or a drawn sample that a search must invert and cannot.
+const NO_INVERSE: TrackError = TrackError::Degenerate(
+    "a step has no inverse in the state space model; use a search that inverts none (fclk, esm), another state space \
+     model, or a smaller sigma where samples are drawn",
+);
+/// A product of warps that is none of the model.
+const NO_STATE: TrackError = TrackError::Degenerate(
+    "a step leads out of the state space model; use another state space model, or a smaller sigma where samples are \
+     drawn",
+);
 /// Most steps of the Karcher mean, and the squared norm of one that ends it.
 const MEAN_ITERATIONS: usize = 10;
 const MEAN_EPSILON: f64 = 1e-16;
@@ -295,11 +305,12 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
                     return Err(TrackError::NotFinite("increment"));
                 }
                 let step = match how {
-                    Increment::InverseCompositional => self.model.inverse(delta),
-                    _ => Some(self.model.matrix(delta)),
+                    Increment::InverseCompositional => self.model.inverse(delta).ok_or(NO_INVERSE)?,
+                    _ => self.model.matrix(delta),
                 };
-                step.and_then(|m| self.model.state(&(self.matrix * m), &mut p[..W::DOF]))
-                    .ok_or(TrackError::Degenerate("increment has no inverse in the model"))?;
+                self.model
+                    .state(&(self.matrix * step), &mut p[..W::DOF])
+                    .ok_or(NO_STATE)?;
             }
         }
         self.accept(p)
@@ -338,12 +349,8 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
     }
 
     fn relative_into(&self, p: &[f64], q: &[f64], out: &mut [f64]) -> Result<(), TrackError> {
-        let step = self
-            .model
-            .inverse(p)
-            .map(|inverse| inverse * self.model.matrix(q));
-        step.and_then(|m| self.model.state(&m, out))
-            .ok_or(TrackError::Degenerate("increment has no inverse in the model"))
+        let step = self.model.inverse(p).ok_or(NO_INVERSE)? * self.model.matrix(q);
+        self.model.state(&step, out).ok_or(NO_STATE)
     }
 
     fn rebase(&mut self, corners: &Corners) -> Result<Mat3, TrackError> {
@@ -573,6 +580,27 @@ impl<W: ProjectiveModel> Part for Projective<W> {
         Projective {
             model: W::new(params),
             ..Self::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::ssm::{Homography, StateSpaceModel};
+
+    #[test]
+    fn a_step_without_inverse_says_what_to_do() {
+        let ssm = Homography::new();
+        let (mut flat, mut out) = ([0.0; 8], [0.0; 8]);
+        // The first row of the matrix is 0.
+        flat[0] = -1.0;
+        let error = ssm
+            .relative_into(&flat, &[0.0; 8], &mut out)
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("no inverse") && !error.contains('\n'), "{error}");
+        for remedy in ["fclk", "esm", "another state space model", "smaller sigma"] {
+            assert!(error.contains(remedy), "{error}");
         }
     }
 }
