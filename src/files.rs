@@ -89,7 +89,9 @@ pub fn irregular(kind: FileType) -> Option<&'static str> {
             return Some("a device");
         }
     }
-    Some(if kind.is_dir() {
+    Some(if kind.is_symlink() {
+        "a link"
+    } else if kind.is_dir() {
         "a folder"
     } else {
         "something else"
@@ -113,6 +115,17 @@ pub fn read(path: &Path, kind: Kind) -> io::Result<Vec<u8>> {
     file.take(kind.most + 1).read_to_end(&mut bytes)?;
     within(bytes.len() as u64, kind)?;
     Ok(bytes)
+}
+
+/// The file at `path` to be read piece by piece, links followed.
+///
+/// # Errors
+/// [`Refused`] for what is no regular file; else what the system says.
+pub fn open(path: &Path) -> io::Result<fs::File> {
+    match irregular(fs::metadata(path)?.file_type()) {
+        Some(what) => Err(Refused::Irregular(what).into()),
+        None => fs::File::open(path),
+    }
 }
 
 /// [`read`] of a text.
@@ -153,6 +166,7 @@ mod tests {
             let socket = dir.path().join("socket");
             let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
             assert_eq!(refusal(&socket), Some(Refused::Irregular("a socket")));
+            assert!(open(&socket).is_err());
             assert_eq!(
                 refusal(Path::new("/dev/zero")),
                 Some(Refused::Irregular("a device"))

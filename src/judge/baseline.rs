@@ -1,7 +1,7 @@
 //! Baseline files of the regression gate: for every tracker, the gated figures of each sequence and pooled (`sr_5`, `auc`,
 //! `al_median` and what added metrics give), and the command that made them. [`crate::judge::gate`] compares them.
 
-use crate::files;
+use crate::files::{self, Kind};
 use crate::judge::change::Subject;
 use crate::metric::aggregate::{ALL_DATASETS, Average, POOLED, Results};
 use crate::metric::{Figure, MetricSet, Score};
@@ -219,7 +219,7 @@ pub fn recorded_command(dir: &Path) -> Option<Vec<String>> {
     struct Run {
         command: Vec<String>,
     }
-    let text = std::fs::read(dir.join("run.json")).ok()?;
+    let text = files::read(&dir.join("run.json"), Kind::RESULTS).ok()?;
     let run: Run = serde_json::from_slice(&text).ok()?;
     Some(run.command)
 }

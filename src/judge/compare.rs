@@ -1,6 +1,7 @@
 //! Two run directories side by side: first what is equal to the last digit, by tracker, data set, sequence, start and
 //! protocol; then, for the trackers that changed, whether the change is more than chance (see [`crate::judge::stats`]).
 
+use crate::files::{self, Kind};
 use crate::judge::change::{Change, Matched, equal};
 use crate::judge::stats::{Pair, benjamini_hochberg, difference};
 use crate::metric::aggregate::{Average, Results, SequenceRow};
@@ -57,7 +58,7 @@ impl FinishedRun {
             results, thresholds, ..
         } = finished(dir, metrics)?.summary;
         let path = dir.join("run.json");
-        let text = std::fs::read(&path).map_err(|e| FileError::io(&path, e))?;
+        let text = files::read(&path, Kind::RESULTS).map_err(|e| FileError::io(&path, e))?;
         let description = serde_json::from_slice(&text).map_err(|e| FileError::format(&path, e))?;
         Ok(FinishedRun {
             name: dir.display().to_string(),

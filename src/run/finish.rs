@@ -3,6 +3,7 @@
 //! The result files are always made from what is on disk, never from memory, so that a run that was interrupted any
 //! number of times, or done in shards, ends with the same bytes as one that was not.
 
+use crate::files::{self, Kind};
 use crate::measure::machine::cpu_name;
 use crate::metric::aggregate::{Results, UnitResult, UnitStatus, aggregate_tracker};
 use crate::metric::{Errors, MetricSet};
@@ -20,7 +21,6 @@ use crate::store::truth::{self, KeptTruth};
 use rayon::prelude::*;
 use serde_json::{Map, Value};
 use std::collections::BTreeSet;
-use std::fs;
 use std::path::PathBuf;
 
 /// Most units of a run whose files hold the success curve of each sequence (100 lines each).
@@ -107,7 +107,7 @@ impl ResultSource<'_> {
             (EntryStatus::Failed, ..) => Errors::lost(self.metrics, truth.scored(start), truth.dense(start)),
             (_, Some(_), _) => {
                 let path = self.dir.log(self.plan, unit);
-                let bytes = fs::read(&path).map_err(|e| StoreError::io(&path, e))?;
+                let bytes = files::read(&path, Kind::RESULTS).map_err(|e| StoreError::io(&path, e))?;
                 let log = unpack_log(bytes)
                     .and_then(|text| parse_log(self.metrics, &text))
                     .map_err(|reason| damaged(path, reason))?;

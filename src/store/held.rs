@@ -1,12 +1,12 @@
 //! What a run directory holds, compared with its plan: which units have a result, and whether the result files are of them.
 
+use crate::files::{self, Kind};
 use crate::metric::MetricSet;
 use crate::plan::{FrameLogs, Plan, Shard, Sharding, Unit, UnitKey, UnitKeys};
 use crate::store::StoreError;
 use crate::store::journal::{Entry, EntryStatus, Journal};
 use crate::store::rundir::{Recorded, RunDir, digest};
 use crate::store::summary::{self, Summary};
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,7 @@ pub fn held(dir: &RunDir, plan: &Plan, unit: &Unit, journal: &Journal, key: &Uni
     match &entry.log {
         Some(log) => {
             let path = dir.log(plan, unit);
-            match fs::read(&path).is_ok_and(|bytes| digest(&bytes) == *log) {
+            match files::read(&path, Kind::RESULTS).is_ok_and(|bytes| digest(&bytes) == *log) {
                 true => Held::Result(entry),
                 false => Held::Unusable(path),
             }

@@ -3,6 +3,7 @@
 //! Lines are appended as units finish (so a killed process loses nothing it reported) and made durable in groups,
 //! because a sync costs milliseconds and a small unit does not. Later lines of the same key replace earlier ones.
 
+use crate::files;
 use crate::plan::UnitKey;
 use crate::store::error::StoreError;
 use serde::de::DeserializeOwned;
@@ -152,7 +153,7 @@ fn checked<T: DeserializeOwned>(line: &[u8]) -> Option<T> {
 
 /// Whether the file is the journal of a run: it has a whole line or none.
 pub(crate) fn is_journal(path: &Path) -> bool {
-    let Ok(file) = File::open(path) else {
+    let Ok(file) = files::open(path) else {
         return false;
     };
     let mut reader = BufReader::new(file).take(1 << 26);
@@ -179,7 +180,7 @@ impl Journal {
             path: path.to_path_buf(),
             ..Journal::default()
         };
-        let file = match File::open(path) {
+        let file = match files::open(path) {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(journal),
             other => other.map_err(io)?,
         };
@@ -265,6 +266,14 @@ impl JournalWriter {
     /// The file cannot be opened or shortened.
     pub fn open(path: &Path) -> Result<JournalWriter, StoreError> {
         let io = |e| StoreError::io(path, e);
+        // What it leads to belongs to somebody else, and a pipe waits for ever.
+        let known = path.symlink_metadata().map(|meta| meta.file_type());
+        if let Some(what) = known.ok().and_then(files::irregular) {
+            return Err(StoreError::Damaged {
+                path: path.to_path_buf(),
+                reason: format!("not a file but {what}"),
+            });
+        }
         let mut file = OpenOptions::new()
             .create(true)
             .read(true)

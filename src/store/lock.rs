@@ -3,6 +3,7 @@
 //! The lock proper is the system's (released by it when the process ends, however it ends); the file says who holds it.
 //! Where the file system has no locks, what the file says has to do.
 
+use crate::files::{self, Kind};
 use crate::store::error::StoreError;
 use crate::store::host::host_name;
 use std::fs::{self, File, OpenOptions, TryLockError};
@@ -54,7 +55,7 @@ impl Holder {
 
     /// Who the lock file of the run directory `dir` names; nobody when its last run ended in order.
     pub fn of(dir: &Path) -> Option<Holder> {
-        Holder::parse(&fs::read_to_string(dir.join(".lock")).ok()?)
+        Holder::parse(&files::read_text(&dir.join(".lock"), Kind::SETTINGS).ok()?)
     }
 }
 
@@ -87,11 +88,12 @@ pub(crate) struct Taken {
 /// Takes the lock of the directory `dir`, kept in `path`.
 pub(crate) fn take(dir: &Path, path: &Path) -> Result<Taken, StoreError> {
     let io = |e| StoreError::io(path, e);
-    // What it leads to belongs to somebody else and would be emptied.
-    if path.is_symlink() {
+    // What a link leads to belongs to somebody else and would be emptied, and a pipe waits for ever.
+    let known = path.symlink_metadata().map(|meta| meta.file_type());
+    if let Some(what) = known.ok().and_then(files::irregular) {
         return Err(StoreError::NotARunDirectory {
             path: dir.to_path_buf(),
-            reason: "its .lock is a link".into(),
+            reason: format!("its .lock is not a file but {what}"),
         });
     }
     let mut options = OpenOptions::new();

@@ -1,5 +1,6 @@
 //! A run directory: its lock, its atomic writes and its file names.
 
+use crate::files::{self, Kind};
 use crate::plan::{FrameLogs, Plan, RUN_FORMAT_VERSION, Shard, Unit};
 use crate::store::Durable;
 use crate::store::atomic::{UNFINISHED, replace};
@@ -111,7 +112,7 @@ impl RunDir {
             reason,
         };
         let path = self.path.join("run.json");
-        let bytes = match fs::read(&path) {
+        let bytes = match files::read(&path, Kind::RESULTS) {
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Err(no_run("no run.json".into())),
             other => other.map_err(|e| StoreError::io(&path, e))?,
         };
@@ -222,7 +223,7 @@ impl RunDir {
     /// # Errors
     /// The file cannot be written; [`StoreError::Gone`] when the directory is no longer there.
     pub fn put(&self, path: &Path, bytes: &[u8], durable: Durable) -> Result<(), StoreError> {
-        if fs::read(path).is_ok_and(|old| old == bytes) && !path.is_symlink() {
+        if files::read(path, Kind::RESULTS).is_ok_and(|old| old == bytes) && !path.is_symlink() {
             return Ok(());
         }
         let write = |out: &mut dyn io::Write| out.write_all(bytes);
@@ -268,7 +269,10 @@ fn recognise(path: &Path, results: &[&str]) -> Result<(), StoreError> {
     for entry in entries.flatten() {
         let (name, file) = (entry.file_name().to_string_lossy().into_owned(), entry.path());
         let known = match name.as_str() {
-            ".lock" => !file.is_symlink() && lock::is_lock(&fs::read_to_string(&file).unwrap_or_default()),
+            ".lock" => {
+                !file.is_symlink()
+                    && lock::is_lock(&files::read_text(&file, Kind::SETTINGS).unwrap_or_default())
+            }
             "journal.jsonl" => journal::is_journal(&file),
             name => RESERVED.contains(&name) || results.contains(&name) || name.ends_with(UNFINISHED),
         };
@@ -289,7 +293,7 @@ fn is_run(path: &Path) -> bool {
     struct Tool {
         tool: String,
     }
-    let text = fs::read(path).unwrap_or_default();
+    let text = files::read(path, Kind::RESULTS).unwrap_or_default();
     serde_json::from_slice::<Tool>(&text).is_ok_and(|run| run.tool == env!("CARGO_PKG_NAME"))
 }
 

@@ -1,5 +1,6 @@
 //! `summary.json`: everything in the result files of a run, nested by tracker; written and read back.
 
+use crate::files::{self, Kind};
 use crate::metric::aggregate::{
     Average, CurveRow, Results, SequenceRow, SummaryRow, TrackerName, UnitStatus,
 };
@@ -203,7 +204,7 @@ struct RecordedCurve {
 /// [`FileError`] when the file is missing, damaged or of another version.
 pub fn read(dir: &Path, metrics: &MetricSet) -> Result<Summary, FileError> {
     let path = dir.join(FILE);
-    let text = std::fs::read(&path).map_err(|e| FileError::io(&path, e))?;
+    let text = files::read(&path, Kind::RESULTS).map_err(|e| FileError::io(&path, e))?;
     check_version(&path, &text, SUMMARY_FORMAT_VERSION)?;
     let recorded: Recorded = serde_json::from_slice(&text).map_err(|e| FileError::format(&path, e))?;
     let mut results = Results::new(metrics);

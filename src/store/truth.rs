@@ -1,6 +1,7 @@
 //! Ground truth of a run's sequences, kept in the run directory (`truth.csv`: data set, sequence, frame, four corners in
 //! px, whether there is a dense grid), so that shards are joined and figures made again where the data is not.
 
+use crate::files::{self, Kind};
 use crate::plan::{PlannedSequence, Prepared};
 use crate::store::error::StoreError;
 use crate::store::rundir::digest;
@@ -78,7 +79,7 @@ pub(crate) fn read(
     sequences: &[PlannedSequence],
     sum: &str,
 ) -> Result<Vec<KeptTruth>, StoreError> {
-    let bytes = std::fs::read(path).map_err(|e| StoreError::io(path, e))?;
+    let bytes = files::read(path, Kind::TRUTH).map_err(|e| StoreError::io(path, e))?;
     if digest(&bytes) != sum {
         return Err(StoreError::Damaged {
             path: path.to_path_buf(),
