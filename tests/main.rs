@@ -18,6 +18,7 @@ mod extending_metric_exporter;
 #[path = "../crates/mtf/tests/harness/mod.rs"]
 mod harness;
 mod illumination;
+mod limits;
 mod nonrigid;
 mod protocols;
 mod real_data;
@@ -49,6 +50,7 @@ fn main() -> std::process::ExitCode {
         examples::TESTS,
         extending_metric_exporter::TESTS,
         illumination::TESTS,
+        limits::TESTS,
         nonrigid::TESTS,
         protocols::TESTS,
         real_data::TESTS,
