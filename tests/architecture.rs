@@ -24,8 +24,8 @@ const HOUSES: [House; 2] = [
         name: "mtf",
         source: "crates/mtf/src",
         ranks: &[
-            &["expr", "geom", "params", "threads"],
-            &["entry"],
+            &["expr", "geom", "interrupt", "params"],
+            &["entry", "threads"],
             &["kernels"],
             &["image"],
             &["tracker"],

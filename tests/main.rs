@@ -19,6 +19,7 @@ mod faults;
 #[path = "../crates/mtf/tests/harness/mod.rs"]
 mod harness;
 mod illumination;
+mod limits;
 #[cfg(target_os = "linux")]
 mod names;
 mod nonrigid;
@@ -55,6 +56,7 @@ fn main() -> std::process::ExitCode {
         extending_metric_exporter::TESTS,
         faults::TESTS,
         illumination::TESTS,
+        limits::TESTS,
         #[cfg(target_os = "linux")]
         names::TESTS,
         nonrigid::TESTS,

@@ -93,7 +93,7 @@ pub struct ExperimentArgs {
     /// Seed of all randomness [default: 0]
     #[arg(long, value_name = "N", help_heading = "Execution")]
     pub seed: Option<u64>,
-    /// Fail a unit whose updates take longer than this together
+    /// Fail a unit whose start and updates take longer than this together
     #[arg(long, value_name = "SECONDS", value_parser = positive, help_heading = "Execution")]
     pub timeout: Option<f64>,
     /// Where the corners of each frame go.
@@ -212,7 +212,7 @@ pub struct ExecutionArgs {
     /// changes a result)
     #[arg(long, value_name = "N", default_value = "1", value_parser = threads)]
     pub threads_per_tracker: usize,
-    /// Memory for trackers, such as 4G (never changes a result) [default: half of the
+    /// Memory for trackers, such as 4G: one that needs more fails, others run in turn [default: half of the
     /// machine's or the Slurm job's, at most 3G]
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub memory: Option<u64>,

@@ -5,10 +5,10 @@
 //! of the moved corners after a few updates on the warped image. All trackers see the same warps.
 
 use crate::metric::quantile::NORMAL_975;
-use crate::plan::{TrackerEntry, derived_seed, usual_filter};
+use crate::plan::{RunRequest, TrackerEntry, derived_seed, usual_filter};
 use mtf::geom::{Corners, Mat3, homography};
 use mtf::image::{Frame, Image, PreProcessor};
-use mtf::tracker::Tracker;
+use mtf::tracker::{Tracker, afford};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -290,6 +290,7 @@ pub fn run(
                 };
                 let mut tracker = (entry.make)().map_err(start)?;
                 tracker.reseed(derived_seed(request.seed, &[&entry.name.id, &texture.name], None));
+                afford(tracker.as_ref(), RunRequest::MEMORY).map_err(|e| start(e.to_string()))?;
                 tracker.init(&first, &base).map_err(|e| start(e.to_string()))?;
                 let row = BasinRow {
                     tracker: entry.name.id.clone(),

@@ -11,9 +11,9 @@ use crate::dataset::{DatasetError, Sequence};
 use crate::measure::machine::Machine;
 use crate::metric::{Errors, MetricSet, Sample, quantile};
 use crate::panics;
-use crate::plan::{TrackerEntry, sequence_id, usual_filter};
+use crate::plan::{RunRequest, TrackerEntry, sequence_id, usual_filter};
 use mtf::image::{Frame, PreProcessor};
-use mtf::tracker::Tracker;
+use mtf::tracker::{Tracker, afford};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -281,6 +281,7 @@ fn track(
     let mut tracker: Box<dyn Tracker> = (entry.make)()?;
     tracker.reseed(request.seed);
     tracker.set_threads(request.threads);
+    afford(tracker.as_ref(), RunRequest::MEMORY).map_err(|e| e.to_string())?;
     let truth = sequence.truth(start).ok_or("no ground truth to start from")?;
     tracker
         .init(&frames[0], &truth)

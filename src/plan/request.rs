@@ -40,7 +40,8 @@ pub struct RunRequest {
     pub threads: usize,
     /// Threads that one tracker may use. Never changes a result.
     pub threads_per_tracker: usize,
-    /// Bytes that trackers and their logs may occupy together. Never changes a result.
+    /// Bytes that trackers and their logs may occupy together. A tracker that needs more alone fails; else it never changes a
+    /// result.
     pub memory: u64,
     /// The run directory.
     pub out: PathBuf,
@@ -53,7 +54,7 @@ pub struct RunRequest {
     /// The run will be stopped before its end, perhaps: units are to end one by one rather than many at once. Never changes a
     /// result.
     pub hurry: bool,
-    /// Longest time the updates of one unit may take together before the unit fails.
+    /// Longest time the starts and updates of one unit may take together before the unit fails.
     pub timeout: Option<Duration>,
     /// Longest time that units in progress are given to end once the run is asked to stop.
     pub grace: Duration,

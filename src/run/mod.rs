@@ -10,6 +10,7 @@ mod pool;
 pub mod profile;
 mod runner;
 mod schedule;
+mod watch;
 
 pub use error::RunError;
 pub use observer::{Observer, Silent};

@@ -8,7 +8,7 @@ use crate::store::framelog::{BROKEN, FAILED, INIT, Row, SKIPPED, round_corners};
 use mtf::geom::{Corners, homography};
 use mtf::image::Frame;
 use mtf::tracker::{Stop, Tracker};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A frame with its index and the time it took to read, decode and filter, s.
 pub(crate) struct Ready {
@@ -95,11 +95,22 @@ impl<'a> Pass<'a> {
         self.state == State::Over
     }
 
+    /// Time in starts and updates so far.
+    pub fn spent(&self) -> Duration {
+        let updates: f64 = self.seconds.iter().map(|&s| f64::from(s)).sum();
+        Duration::try_from_secs_f64(self.init_seconds + updates).unwrap_or(Duration::MAX)
+    }
+
     /// Ends the unit without a result.
     pub fn fail(&mut self, reason: String) {
         self.failed = Some(reason);
         self.state = State::Over;
         self.discard();
+    }
+
+    /// Ends the unit, which took longer than `limit`.
+    pub fn time_out(&mut self, limit: Duration) {
+        self.fail(format!("longer than {} s", limit.as_secs_f64()));
     }
 
     /// Takes the next frame, from the unit's start on; returns how many frames are done by that.

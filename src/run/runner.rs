@@ -9,6 +9,7 @@ use crate::run::observer::Observer;
 use crate::run::pool::pool;
 use crate::run::profile::{Profile, Spent};
 use crate::run::schedule::{Context, Pace, groups, groups_at_once, run_units};
+use crate::run::watch::Watch;
 use crate::store::StoreError;
 use crate::store::held::{Held, held};
 use crate::store::host::build;
@@ -153,15 +154,24 @@ pub fn run(
             },
             pool: &pool,
             spent: Spent::default(),
+            watch: Watch::default(),
         };
         let begin = Instant::now();
         std::thread::scope(|scope| {
             let context = &context;
-            let drive = move || run_units(context, journal, groups);
+            let drive = move || {
+                let _closing = context.watch.closing();
+                run_units(context, journal, groups);
+            };
             match std::thread::Builder::new().spawn_scoped(scope, drive) {
-                Ok(_) => writer
-                    .serve(finished)
-                    .unwrap_or_else(|error| context.fail(error.into())),
+                Ok(_) => {
+                    // Where no more threads can be had, what takes too long is ended between frames.
+                    let watch = || context.watch.serve(|| context.halted());
+                    let _ = std::thread::Builder::new().spawn_scoped(scope, watch);
+                    writer
+                        .serve(finished)
+                        .unwrap_or_else(|error| context.fail(error.into()))
+                }
                 Err(error) => context.fail(RunError::Threads(error)),
             }
         });

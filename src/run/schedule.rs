@@ -16,20 +16,22 @@ use crate::run::error::RunError;
 use crate::run::observer::Observer;
 use crate::run::pass::{Pass, Ready};
 use crate::run::profile::{Activity, Spent};
+use crate::run::watch::{Ended, Watch};
 use crate::store::Durable;
 use crate::store::framelog::{Row, format_log, pack_log, score_log};
 use crate::store::host::build;
 use crate::store::journal::{Entry, EntryStatus, Finished, UnitTime};
 use crate::store::rundir::{RunDir, digest};
 use mtf::image::Frame;
-use mtf::tracker::Tracker;
+use mtf::interrupt;
+use mtf::tracker::{Tracker, afford};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Mutex, OnceLock};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Most units that go through a sequence together: enough that decoding is little beside tracking.
 const GROUP: usize = 256;
@@ -61,6 +63,8 @@ pub(crate) struct Context<'a> {
     /// Groups that run at once.
     pub at_once: usize,
     pub spent: Spent,
+    /// Ends starts and updates that take too long.
+    pub watch: Watch,
 }
 
 /// How many units go through a sequence together.
@@ -88,7 +92,7 @@ impl Context<'_> {
     }
 
     /// What is in progress is to be given up.
-    fn halted(&self) -> bool {
+    pub fn halted(&self) -> bool {
         let late = || {
             let since = self.stopped.get_or_init(|| {
                 if !self.request.grace.is_zero() {
@@ -321,6 +325,9 @@ fn make(context: &Context<'_>, unit: &Unit, frame: u32) -> Result<Box<dyn Tracke
     let mut tracker = panics::catch(|| make()).and_then(|made| made)?;
     tracker.reseed(context.prepared.plan.seed_at(unit, frame));
     tracker.set_threads(context.request.threads_per_tracker);
+    // Before it is started, as no one could stop it then.
+    let fits = panics::catch(|| afford(tracker.as_ref(), context.request.memory))?;
+    fits.map_err(|e| format!("{e}, or more --memory"))?;
     Ok(tracker)
 }
 
@@ -462,29 +469,48 @@ fn decode(
     frames.into_iter().collect()
 }
 
-/// One tracker through one window, in order; false when it was given up before the end.
+/// One tracker through one window, in order, until its time is up; false when it was given up before the end.
 fn track_window(context: &Context<'_>, sequence: &Sequence, pass: &mut Pass<'_>, window: &[Ready]) -> bool {
+    let limit = context.request.timeout;
+    let left = limit.map(|limit| limit.saturating_sub(pass.spent()));
+    let track = || track_frames(context, sequence, pass, window);
+    let (done, ended) = context.watch.over(left, track);
+    match (done, ended, limit) {
+        (_, Ended::Halted, _) => return false,
+        (_, Ended::Late, Some(limit)) => pass.time_out(limit),
+        (None, ..) => return false,
+        _ => {}
+    }
+    context.observer.frames(done.unwrap_or(0) as u64);
+    true
+}
+
+/// The frames of a window, one after the other; how many were done, if the run was not halted.
+fn track_frames(
+    context: &Context<'_>,
+    sequence: &Sequence,
+    pass: &mut Pass<'_>,
+    window: &[Ready],
+) -> Option<usize> {
     let start = pass.unit.start as usize;
     let unit = pass.unit;
     let make_at = |frame: u32| make(context, unit, frame);
     let mut done = 0;
     for ready in window.iter().filter(|ready| ready.index >= start) {
-        if pass.is_over() {
+        if pass.is_over() || interrupt::requested() {
             break;
         }
         if context.halted() {
-            return false;
+            return None;
         }
         done += pass.advance(ready, sequence, &make_at);
-        if let Some(limit) = context.request.timeout {
-            let total: f64 = pass.seconds.iter().map(|&s| f64::from(s)).sum();
-            if total > limit.as_secs_f64() && pass.failed.is_none() {
-                pass.fail(format!("longer than {} s", limit.as_secs_f64()));
-            }
+        // An update that does not look may take longer all the same.
+        let late = |limit: &Duration| pass.failed.is_none() && pass.spent() > *limit;
+        if let Some(limit) = context.request.timeout.filter(late) {
+            pass.time_out(limit);
         }
     }
-    context.observer.frames(done as u64);
-    true
+    Some(done)
 }
 
 /// Writes the unit's log and sends its line to the journal.

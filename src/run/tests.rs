@@ -35,6 +35,12 @@ enum Trick {
         at: usize,
     },
     NoStart,
+    /// Goes on until it is interrupted: in `init` where that is 0.
+    Endless {
+        at: usize,
+    },
+    /// Takes more memory than there is.
+    Huge,
     /// Does not start on that frame of the first sequence.
     Refuse {
         frame: usize,
@@ -55,6 +61,8 @@ impl Tracker for Still {
         let index = (frame.gray().get(0, 3, 3) as usize - 60) / 3;
         match self.trick {
             Trick::NoStart => return Err(TrackError::Template("flat")),
+            Trick::Endless { at: 0 } => endless()?,
+            Trick::Huge => panic!("started"),
             Trick::Refuse { frame } if frame == index => return Err(TrackError::Template("flat")),
             _ => {}
         }
@@ -67,6 +75,7 @@ impl Tracker for Still {
         match self.trick {
             Trick::Panic { at } if at == self.updates => panic!("as told"),
             Trick::Lose { at } if at == self.updates => return Err(TrackError::Outside),
+            Trick::Endless { at } if at == self.updates => endless()?,
             Trick::Infinite { at } if at == self.updates => {
                 let corners = Corners::rect(f64::NAN, 0.0, 1.0, 1.0);
                 return Ok(Update {
@@ -101,6 +110,20 @@ impl Tracker for Still {
     }
     fn memory(&self) -> usize {
         size_of::<Self>()
+    }
+    fn memory_needed(&self) -> usize {
+        match self.trick {
+            Trick::Huge => 8_700_000_000,
+            _ => self.memory(),
+        }
+    }
+}
+
+/// Goes on until it is interrupted.
+fn endless() -> Result<(), TrackError> {
+    loop {
+        mtf::interrupt::check()?;
+        std::thread::sleep(std::time::Duration::from_millis(1));
     }
 }
 
@@ -570,4 +593,66 @@ fn a_timeout_fails_the_unit() {
     request.timeout = Some(std::time::Duration::from_nanos(1));
     let report = go(&request).unwrap();
     assert!(report.failed[0].1.contains("longer than"), "{:?}", report.failed);
+}
+
+#[test]
+fn a_timeout_ends_long_starts_and_updates() {
+    let bench = Bench::new(&[5, 4]);
+    let mut trackers = many(2);
+    trackers.push(tracker("starts", Trick::Endless { at: 0 }, 1));
+    trackers.push(tracker("updates", Trick::Endless { at: 2 }, 1));
+    let mut request = bench.request("out", trackers);
+    request.timeout = Some(std::time::Duration::from_millis(100));
+    let report = go(&request).unwrap();
+    assert_eq!((report.units, report.failed.len()), (8, 4));
+    for (unit, reason) in &report.failed {
+        assert_eq!(reason, "longer than 0.1 s", "{unit}");
+    }
+}
+
+#[test]
+fn a_halt_ends_long_starts_and_updates_and_leaves_them_undone() {
+    let bench = Bench::new(&[5]);
+    for at in [0, 2] {
+        let request = bench.request(
+            &format!("out{at}"),
+            vec![tracker("long", Trick::Endless { at }, 1)],
+        );
+        let stop = AtomicBool::new(false);
+        let halted = std::thread::scope(|scope| {
+            scope.spawn(|| {
+                std::thread::sleep(std::time::Duration::from_millis(100));
+                stop.store(true, Ordering::Relaxed);
+            });
+            run(&request, &Exporters::builtin(), &Silent, &stop)
+        });
+        assert!(
+            matches!(halted, Err(RunError::Interrupted { done: 0, total: 1 })),
+            "{halted:?}"
+        );
+        assert_eq!(
+            Journal::read(&request.out.join("journal.jsonl")).unwrap().len(),
+            0
+        );
+    }
+}
+
+#[test]
+fn a_tracker_beyond_the_memory_is_refused_before_its_start() {
+    let bench = Bench::new(&[5]);
+    let mut trackers = many(2);
+    trackers.push(tracker("huge", Trick::Huge, 1));
+    let mut request = bench.request("out", trackers);
+    request.memory = 500 << 20;
+    for resumed in [0, 2] {
+        let report = go(&request).unwrap();
+        assert_eq!(
+            (report.units, report.resumed, report.failed.len()),
+            (3, resumed, 1)
+        );
+        assert_eq!(
+            report.failed[0].1,
+            "needs about 8.1 GiB, more than allowed (500 MiB); use fewer samples or patches, or more --memory"
+        );
+    }
 }

@@ -4,9 +4,11 @@
 //! samples by the truncated squared error (MSAC, Torr & Zisserman 2000), optimises each new best one on its inliers (LO,
 //! Chum, Matas & Kittler 2003) and stops when a better one is unlikely. All methods end alike: the noise is estimated
 //! from the inliers' median error, pairs beyond four and a half standard deviations are dropped, and the warp of least
-//! reprojection error of the rest is found. Draws come from a seeded stream. May depend on `geom`, `params` and `tracker`.
+//! reprojection error of the rest is found. Draws come from a seeded stream. Interrupted,
+//! a method makes do with the samples drawn so far. May depend on `geom`, `interrupt`, `params` and `tracker`.
 
 use crate::geom::{Mat3, homography};
+use crate::interrupt;
 use crate::params::param_enum;
 use crate::tracker::TrackError;
 use rand::{RngExt, SeedableRng};
@@ -280,7 +282,7 @@ impl Estimator {
         let mut best: Option<Candidate> = None;
         let mut needed = self.params.est_iters;
         let mut drawn = 0;
-        while drawn < needed {
+        while drawn < needed && !interrupt::requested() {
             drawn += 1;
             let Some(m) = self.draw(model, from, to, sample) else {
                 continue;
@@ -336,7 +338,7 @@ impl Estimator {
         let (mut best, mut median) = (None, f64::INFINITY);
         let mut needed = self.samples(0.55, sample).max(3);
         let mut drawn = 0;
-        while drawn < needed {
+        while drawn < needed && !interrupt::requested() {
             drawn += 1;
             let Some(m) = self.draw(model, from, to, sample) else {
                 continue;

@@ -56,6 +56,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`geom`], [`mod@params`], [`expr`] | plane geometry; parameters of models; expressions such as `grid(iclk/ssd/affine)` |
+//! | [`interrupt`] | ending long work early |
 //! | [`entry`] | the rows of the tables of models |
 //! | `kernels` (private) | hot loops over slices |
 //! | [`image`] | pixels, float images, filters, frames |
@@ -94,6 +95,7 @@ pub mod flow;
 pub mod geom;
 pub mod ilm;
 pub mod image;
+pub mod interrupt;
 mod kernels;
 pub mod params;
 pub mod registry;

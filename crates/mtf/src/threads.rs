@@ -1,10 +1,11 @@
-//! Work shared out to the threads of the current `rayon` pool. Depends on nothing else in the crate.
+//! Work shared out to the threads of the current `rayon` pool. May depend on `interrupt`.
 
+use crate::interrupt;
 use rayon::prelude::*;
 use std::ops::Range;
 
 /// What `work` makes of each share of the numbers `0..count`, in order: one share for each of `states`, all about as large,
-/// the last ones perhaps empty. A single state works on the calling thread.
+/// the last ones perhaps empty. A single state works on the calling thread; all work under its token.
 pub(crate) fn in_shares<T: Send, R: Send>(
     states: &mut [T],
     count: usize,
@@ -15,6 +16,8 @@ pub(crate) fn in_shares<T: Send, R: Send>(
     if states.len() <= 1 {
         states.iter_mut().enumerate().map(of).collect()
     } else {
+        let token = interrupt::current();
+        let of = |share: (usize, &mut T)| interrupt::under(token.clone(), || of(share));
         states.par_iter_mut().enumerate().map(of).collect()
     }
 }
@@ -34,5 +37,20 @@ mod tests {
             assert!(calls.iter().all(|&c| c == 1));
             assert_eq!(shares.concat(), (0..count).collect::<Vec<_>>());
         }
+    }
+
+    #[test]
+    fn every_share_can_be_interrupted() {
+        let token = interrupt::Token::default();
+        token.interrupt();
+        let mut states = [(); 8];
+        let shares = interrupt::with(&token, || {
+            in_shares(&mut states, 8, |(), _| interrupt::requested())
+        });
+        assert_eq!(shares, [true; 8]);
+        assert_eq!(
+            in_shares(&mut states, 8, |(), _| interrupt::requested()),
+            [false; 8]
+        );
     }
 }

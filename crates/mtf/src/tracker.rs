@@ -2,6 +2,7 @@
 
 use crate::geom::Corners;
 use crate::image::Frame;
+use crate::interrupt::Interrupted;
 use auto_impl::auto_impl;
 
 /// Why a frame's search ended.
@@ -61,6 +62,9 @@ pub enum TrackError {
     /// A number is not finite.
     #[error("not finite: {0}")]
     NotFinite(&'static str),
+    /// The caller asked for the end of the work ([`interrupt`](crate::interrupt)).
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
 }
 
 impl TrackError {
@@ -81,14 +85,53 @@ impl TrackError {
             TrackError::Unable(_) => "unable",
             TrackError::NoTruth => "no_truth",
             TrackError::NotFinite(_) => "not_finite",
+            TrackError::Interrupted(_) => "interrupted",
         }
     }
+}
+
+/// A tracker takes more memory than it may.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "needs about {}, more than allowed ({}); use fewer samples or patches",
+    bytes(*.needed),
+    bytes(*.allowed)
+)]
+pub struct TooLarge {
+    /// Bytes that it takes at most, roughly.
+    pub needed: u64,
+    /// Bytes that it may take.
+    pub allowed: u64,
+}
+
+/// A number of bytes in words: `8.1 GiB`.
+fn bytes(count: u64) -> String {
+    const UNITS: [&str; 5] = ["KiB", "MiB", "GiB", "TiB", "PiB"];
+    let (mut value, mut unit) = (count as f64 / 1024.0, 0);
+    while value >= 1023.5 && unit + 1 < UNITS.len() {
+        (value, unit) = (value / 1024.0, unit + 1);
+    }
+    let digits = usize::from(value < 9.95);
+    format!("{value:.digits$} {}", UNITS[unit])
+}
+
+/// Refuses a tracker, best before `init`, that takes more than `allowed` bytes at any time.
+///
+/// # Errors
+/// [`TooLarge`], with [`Tracker::memory_needed`].
+pub fn afford(tracker: &dyn Tracker, allowed: u64) -> Result<(), TooLarge> {
+    let needed = tracker.memory_needed() as u64;
+    if needed > allowed {
+        return Err(TooLarge { needed, allowed });
+    }
+    Ok(())
 }
 
 /// A tracker of one planar object. Object safe; composites implement it over other trackers.
 #[auto_impl(Box)]
 pub trait Tracker: Send {
-    /// Starts on `frame` with the object at `corners` (UL UR LR LL, px).
+    /// Starts on `frame` with the object at `corners` (UL UR LR LL, px). Long work ends early when it is interrupted
+    /// ([`interrupt`](crate::interrupt)); the tracker must then be started anew.
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError>;
 
     /// Finds the object in the next frame, starting from where it was. On an error it keeps its last
@@ -131,9 +174,16 @@ pub trait Tracker: Send {
         1
     }
 
-    /// Bytes this tracker keeps between frames, roughly: sizes groups of trackers that run together.
+    /// Bytes this tracker keeps between frames, roughly: sizes groups of trackers that run together. Before `init`, what its
+    /// parameters make it keep from then on. Sums saturate.
     fn memory(&self) -> usize {
         1 << 17
+    }
+
+    /// Bytes this tracker takes at most at once, roughly: what it keeps, and what `init` or `update` takes for a while.
+    /// Known before `init`, and never less than [`memory`](Self::memory).
+    fn memory_needed(&self) -> usize {
+        self.memory()
     }
 }
 
@@ -141,4 +191,21 @@ pub trait Tracker: Send {
 pub trait NeedsTruth {
     /// The true corners (px) in the frame about to be given to [`Tracker::update`].
     fn tell_truth(&mut self, corners: &Corners);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_refusal_has_both_figures() {
+        let error = TooLarge {
+            needed: 8_700_000_000,
+            allowed: 500 << 20,
+        };
+        let text = "needs about 8.1 GiB, more than allowed (500 MiB); use fewer samples or patches";
+        assert_eq!(error.to_string(), text);
+        let texts = [0, 1023 << 10, 1 << 20, u64::MAX].map(bytes);
+        assert_eq!(texts, ["0.0 KiB", "1023 KiB", "1.0 MiB", "16384 PiB"]);
+    }
 }

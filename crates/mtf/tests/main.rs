@@ -10,6 +10,7 @@ mod conformance_sm;
 mod conformance_ssm;
 mod harness;
 mod illumination;
+mod interruption;
 mod networks;
 mod nonrigid;
 mod own_models;
@@ -27,6 +28,7 @@ fn main() -> std::process::ExitCode {
         conformance_sm::TESTS,
         conformance_ssm::TESTS,
         illumination::TESTS,
+        interruption::TESTS,
         networks::TESTS,
         nonrigid::TESTS,
         own_models::TESTS,

@@ -43,6 +43,7 @@ use crate::features::{FeatureParams, FeatureTracker, MatchParams};
 use crate::flow::{Klt, KltParams};
 use crate::geom::{Corners, Mat3, homography};
 use crate::image::Frame;
+use crate::interrupt;
 use crate::ssm::Homography;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 pub use entry::ENTRY;
@@ -72,6 +73,8 @@ crate::params! {
 
 /// Usual total and correlation of the best blocks before anything has been found: then the absolute limits decide.
 const USUAL: (f64, f64) = (1.0, 0.0);
+/// Bytes per point of the template, over all levels, with what a scan of a frame of usual size takes.
+const POINT_BYTES: usize = 300;
 
 /// The tracker `best`; its similarity is the mean of the cubed correlations of the template's blocks, 0 to 1 (blocks
 /// outside the image count less).
@@ -308,6 +311,7 @@ impl Tracker for Best {
         self.estimator.reseed(self.seed ^ 1);
         // Without key points all else works.
         self.has_features = self.features.init(frame, corners).is_ok();
+        interrupt::check()?;
         self.scores.clear();
         self.usual = USUAL;
         self.last = 1.0;
@@ -332,6 +336,7 @@ impl Tracker for Best {
         let back = self.pose.try_inverse().filter(|_| self.lost == 0);
         self.aligner.smear.back = back;
         let (best, coast) = self.locate(frame);
+        interrupt::check()?;
         self.aligner.smear.back = back;
         let score = best.map_or(Score::default(), |b| b.score);
         let sure = best.is_some_and(|b| self.found(&b) && b.score.total >= K.sure_total);
@@ -404,7 +409,12 @@ impl Tracker for Best {
     }
 
     fn memory(&self) -> usize {
-        self.aligner.memory() + self.scanner.memory() + self.klt.memory() + self.features.memory()
+        let own = if self.previous.is_none() {
+            POINT_BYTES * self.params.best_points
+        } else {
+            self.aligner.memory() + self.scanner.memory()
+        };
+        own + self.klt.memory() + self.features.memory()
     }
 }
 

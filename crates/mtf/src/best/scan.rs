@@ -4,6 +4,7 @@ use super::constants::K;
 use super::view::Base;
 use crate::geom::{Corners, Mat3, homography};
 use crate::image::Frame;
+use crate::interrupt;
 use crate::kernels::{self, Border, SCAN_SLACK};
 
 /// A pose at which the template agrees better than around it, and by how much: the mean of the cubed correlations of blocks
@@ -137,7 +138,7 @@ impl Scanner {
     }
 
     /// The best places for a pose that is shifted by up to `reach` px, its middle within the image, in whole pixels of a
-    /// coarse level; appended to `found`.
+    /// coarse level; appended to `found`. Interrupted, it finds none.
     pub fn scan(&mut self, frame: &Frame, pose: &Mat3, reach: f64, found: &mut Vec<Found>) {
         let area = homography::apply_corners(pose, &self.quad).signed_area().abs();
         if !area.is_finite() {
@@ -174,6 +175,9 @@ impl Scanner {
         self.inside.resize(count, 0.0);
         let mut first = 0;
         for block in &self.blocks {
+            if interrupt::requested() {
+                return;
+            }
             let points = first..block.end;
             first = block.end;
             // Places at which the block lies inside the image.

@@ -6,6 +6,7 @@ use super::constants::K;
 use crate::consensus::Homographies;
 use crate::geom::{Mat3, homography};
 use crate::image::Frame;
+use crate::interrupt;
 use crate::tracker::Tracker;
 
 /// A pose with its score.
@@ -106,7 +107,7 @@ impl Best {
         pose * Mat3::new(zoom * c, -zoom * s, 0.0, zoom * s, zoom * c, 0.0, 0.0, 0.0, 1.0)
     }
 
-    /// Scans for each of some poses, and aligns from the best places.
+    /// Scans for each of some poses, and aligns from the best places. Interrupted, it leaves out the rest.
     fn sweep(
         &mut self,
         frame: &Frame,
@@ -118,7 +119,7 @@ impl Best {
         let mut found = std::mem::take(&mut self.places);
         found.clear();
         for pose in poses {
-            if self.aligner.sound(&pose, frame) {
+            if self.aligner.sound(&pose, frame) && !interrupt::requested() {
                 self.scanner.scan(frame, &pose, reach, &mut found);
             }
         }
@@ -137,6 +138,9 @@ impl Best {
             (judge, kept.2, K.place_steps),
         ] {
             for (pose, score, _) in &mut coarse {
+                if interrupt::requested() {
+                    break;
+                }
                 let aligned = self.aligner.coarse(frame, pose, points, most_steps);
                 let (next, reached, n) = aligned.unwrap_or((*pose, Score::default(), 0));
                 (*pose, *score) = (next, reached);
@@ -146,7 +150,8 @@ impl Best {
             coarse.truncate(most);
         }
         for (start, _, contrast) in &coarse {
-            if let Some((pose, score)) = self.aligned(frame, start)
+            if !interrupt::requested()
+                && let Some((pose, score)) = self.aligned(frame, start)
                 && self.aligner.ordinary(&pose)
             {
                 let mut new = self.candidate(pose, score);

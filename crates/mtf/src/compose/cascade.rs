@@ -8,6 +8,7 @@ use super::history::{History, Recall};
 use super::members::Members;
 use crate::geom::Corners;
 use crate::image::Frame;
+use crate::interrupt;
 use crate::params::Params;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use std::sync::Arc;
@@ -81,6 +82,9 @@ impl Cascade {
                 }
             }
         }
+        if let Err(e) = interrupt::check() {
+            return (Err(e.into()), false);
+        }
         if let Some(update) = answer {
             let last = self.layers.len() - 1;
             let to = if self.params.feedback { 0..last } else { 0..0 };
@@ -150,6 +154,10 @@ impl Tracker for Cascade {
     }
 
     fn memory(&self) -> usize {
-        self.layers.memory() + self.history.memory()
+        self.layers.memory().saturating_add(self.history.memory())
+    }
+
+    fn memory_needed(&self) -> usize {
+        self.memory().saturating_add(self.layers.passing())
     }
 }

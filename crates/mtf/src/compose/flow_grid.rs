@@ -6,6 +6,7 @@ use crate::consensus::EstimatorParams;
 use crate::flow::{Klt, KltParams, PointStatus, Tracked};
 use crate::geom::{Corners, homography};
 use crate::image::Frame;
+use crate::interrupt;
 use crate::params::Params;
 use crate::ssm::{self, StateSpaceModel};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
@@ -34,6 +35,9 @@ pub(super) fn make(klt: KltParams, points: PointSettings, parts: &Parts<'_>) -> 
         Ok(Box::new(FlowGrid::new(nodes, klt, estimator, warp.build()?)))
     }))
 }
+
+/// Bytes per node: as tracked, twice, as found, its origin and its miss.
+const NODE_BYTES: usize = 2 * size_of::<Tracked>() + size_of::<Option<[f64; 2]>>() + 3 * size_of::<f64>();
 
 /// Highest level when the motion is small or nearly known.
 const NEAR: usize = 2;
@@ -73,6 +77,7 @@ impl<S: StateSpaceModel> FlowGrid<S> {
     fn follow(&mut self, previous: &Frame, frame: &Frame, highest: usize) -> Result<(), TrackError> {
         let (from, tracked) = (&self.origins, &mut self.tracked);
         self.klt.track(previous, frame, from, highest, tracked);
+        interrupt::check()?;
         self.found.clear();
         self.found.extend(tracked.iter().map(|t| t.ok().then_some(t.at)));
         if self.nodes.params.grid_fb > 0.0 {
@@ -113,6 +118,7 @@ impl<S: StateSpaceModel> FlowGrid<S> {
             let a = [a[(0, 0)], a[(0, 1)], a[(1, 0)], a[(1, 1)]];
             klt.track_warped(previous, frame, origins[i], now[i], a, highest)
         });
+        interrupt::check()?;
         for (i, again) in self.again.iter().enumerate() {
             let failed = self.found[i].is_none() && self.tracked[i].ok();
             self.found[i] = (!failed && again.ok()).then_some(again.at);
@@ -143,6 +149,7 @@ impl<S: StateSpaceModel> Tracker for FlowGrid<S> {
         // Points that cannot be followed where nothing moves cannot be followed at all.
         self.klt
             .track(frame, frame, self.nodes.now(), usize::MAX, &mut self.tracked);
+        interrupt::check()?;
         let good = self.tracked.iter().filter(|t| t.ok()).count();
         if good < self.nodes.ssm.capabilities().min_points {
             return Err(TrackError::Template("too few points can be followed"));
@@ -221,6 +228,7 @@ impl<S: StateSpaceModel> Tracker for FlowGrid<S> {
     }
 
     fn memory(&self) -> usize {
-        self.nodes.memory() + self.klt.memory()
+        let points = NODE_BYTES * self.nodes.params.size.len();
+        self.nodes.memory() + self.klt.memory() + points
     }
 }

@@ -2,6 +2,7 @@
 
 use super::entry::{CompositeEntry, CompositeFamily, Refused};
 use super::flow_grid::{self, FlowSettings};
+use super::members;
 use super::nodes::{NodeParams, Nodes, PointSettings};
 use super::seed::{self, Apart};
 use super::straighten::Lines;
@@ -9,6 +10,7 @@ use crate::consensus::EstimatorParams;
 use crate::flow::Texture;
 use crate::geom::{Corners, homography};
 use crate::image::Frame;
+use crate::interrupt;
 use crate::params::{Params, Resolution, param_enum};
 use crate::ssm::{self, StateSpaceModel};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
@@ -74,17 +76,24 @@ pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<GridSettings>(
         let (warp, patch) = (parts.warp("ssm", &warp.ssm)?, Arc::clone(&member.make));
         Ok(Arc::new(move || {
             let (nodes, patches, estimator) = (nodes.clone(), patches.clone(), estimator.clone());
+            let patch = Arc::clone(&patch);
             Ok(Box::new(Grid::new(
                 nodes,
                 patches,
                 estimator,
                 warp.build()?,
-                || patch(),
+                move || patch(),
             )?))
         }))
     },
     CompositeFamily { members: (1, 1) },
 );
+
+/// Bytes per node: where its patch begins, twice, its update, its place and its marks.
+const NODE_BYTES: usize = 2 * size_of::<Corners>()
+    + size_of::<Option<Update>>()
+    + size_of::<Option<[f64; 2]>>()
+    + 4 * size_of::<f64>();
 
 /// Patches are left out as long as there are this many times as many as determine the warp.
 const ENOUGH: usize = 3;
@@ -96,7 +105,10 @@ const MAX_WINDOW: usize = 101;
 pub struct Grid<S> {
     params: PatchParams,
     nodes: Nodes<S>,
+    /// One per node, from `init` on.
     members: Vec<Box<dyn Tracker>>,
+    make: Box<dyn Fn() -> Option<Box<dyn Tracker>> + Send>,
+    seed: Option<u64>,
     /// Tracks back with templates of the present frame.
     back: Box<dyn Tracker>,
     previous: Option<Frame>,
@@ -122,7 +134,7 @@ pub struct Grid<S> {
 }
 
 impl<S: StateSpaceModel> Grid<S> {
-    /// With all parameters and `member`, which builds one patch tracker.
+    /// With all parameters and `member`, which builds one patch tracker. Those of all nodes are built by `init`.
     ///
     /// # Errors
     /// Those of `member`.
@@ -131,7 +143,7 @@ impl<S: StateSpaceModel> Grid<S> {
         params: PatchParams,
         estimator: EstimatorParams,
         ssm: S,
-        member: impl Fn() -> Result<Box<dyn Tracker>, E>,
+        member: impl Fn() -> Result<Box<dyn Tracker>, E> + Send + 'static,
     ) -> Result<Self, E> {
         Self::with_lines(nodes, params, estimator, ssm, None, member)
     }
@@ -142,26 +154,26 @@ impl<S: StateSpaceModel> Grid<S> {
         estimator: EstimatorParams,
         ssm: S,
         lines: Option<Lines>,
-        member: impl Fn() -> Result<Box<dyn Tracker>, E>,
+        member: impl Fn() -> Result<Box<dyn Tracker>, E> + Send + 'static,
     ) -> Result<Self, E> {
-        let count = nodes.size.len();
-        let members = (0..count).map(|_| member());
         let window = (params.patch_size as usize).clamp(3, MAX_WINDOW);
         Ok(Grid {
             params,
-            members: members.collect::<Result<_, E>>()?,
+            members: Vec::new(),
             back: member()?,
+            make: Box::new(move || member().ok()),
+            seed: None,
             nodes: Nodes::new(nodes, estimator, ssm),
             previous: None,
             found: Vec::new(),
             lost: Vec::new(),
             texture: Texture::new(window),
             flat: Vec::new(),
-            failed: vec![false; count],
+            failed: Vec::new(),
             unready: false,
             starts: Vec::new(),
             regions: Vec::new(),
-            updates: vec![None; count],
+            updates: Vec::new(),
             misses: Vec::new(),
             lines,
             threads: 1,
@@ -176,6 +188,24 @@ impl<S: StateSpaceModel> Grid<S> {
     /// The nodes in the last frame, px, row by row.
     pub fn nodes(&self) -> &[[f64; 2]] {
         self.nodes.now()
+    }
+
+    /// Builds the members that are not there yet.
+    fn populate(&mut self) -> Result<(), TrackError> {
+        let count = self.nodes.params.size.len();
+        while self.members.len() < count {
+            interrupt::check()?;
+            let unable = TrackError::Unable("a patch tracker can no longer be built");
+            let mut member = (self.make)().ok_or(unable)?;
+            if let Some(seed) = self.seed {
+                let number = self.members.len() as u64 + 1;
+                member.reseed(seed::of_member(seed, number, Apart::Spaced));
+            }
+            self.members.push(member);
+        }
+        self.failed.resize(count, false);
+        self.updates.resize(count, None);
+        Ok(())
     }
 
     /// Corners of patch `i` in the image, px: warped along, or upright around its node.
@@ -254,6 +284,7 @@ impl<S: StateSpaceModel> Grid<S> {
         }));
         self.regions = regions;
         self.track(|i, regions, member| member.set_region(&regions[i]).and_then(|()| member.update(frame)));
+        interrupt::check()?;
         self.nodes.save();
         let fitted = self.fit(frame);
         if fitted.is_err() || self.nodes.agreement() < agreement {
@@ -263,9 +294,10 @@ impl<S: StateSpaceModel> Grid<S> {
     }
 
     /// Sees which patches have too little texture; none when hardly any has enough.
-    fn judge(&mut self, frame: &Frame) {
+    fn judge(&mut self, frame: &Frame) -> Result<(), TrackError> {
         self.flat.clear();
         for &x in self.nodes.now() {
+            interrupt::check()?;
             let least = self.params.grid_min_eigen;
             let flat = least > 0.0 && self.texture.min_eigen(frame.gray(), x) < least;
             self.flat.push(flat);
@@ -274,6 +306,7 @@ impl<S: StateSpaceModel> Grid<S> {
         if left < ENOUGH * self.nodes.ssm.capabilities().min_points {
             self.flat.fill(false);
         }
+        Ok(())
     }
 
     /// Whether so many patches agree with the fit that it can be relied on.
@@ -289,11 +322,11 @@ impl<S: StateSpaceModel> Grid<S> {
     }
 
     /// Makes the members ready for the next frame; `frame` is the one before it.
-    fn reset(&mut self, frame: &Frame) {
+    fn reset(&mut self, frame: &Frame) -> Result<(), TrackError> {
         let how = self.params.grid_reset;
         // Where templates are new, so is the texture.
         if how == GridReset::Reinit {
-            self.judge(frame);
+            self.judge(frame)?;
         }
         let mut starts = std::mem::take(&mut self.starts);
         starts.clear();
@@ -310,6 +343,7 @@ impl<S: StateSpaceModel> Grid<S> {
             };
             None
         });
+        Ok(interrupt::check()?)
     }
 
     /// Squared distance by which member `i` misses its origin on the way back; infinite when it does not arrive.
@@ -334,18 +368,25 @@ impl<S: StateSpaceModel> Grid<S> {
 /// Fewest members that are worth another thread.
 const MIN_SHARE: usize = 8;
 
-/// Does something with every member, on several threads if there are more than one.
+/// Does something with every member, on several threads if there are more than one. Interrupted, it leaves out the rest.
 fn act(
     members: &mut [Box<dyn Tracker>],
     updates: &mut [Option<Update>],
     threads: usize,
     act: impl Fn(usize, &mut Box<dyn Tracker>) -> Option<Update> + Sync,
 ) {
+    let act = |i: usize, member: &mut Box<dyn Tracker>| match interrupt::requested() {
+        true => None,
+        false => act(i, member),
+    };
     if threads > 1 {
+        let token = interrupt::current();
         let count = updates.len();
         let both = members.par_iter_mut().zip(updates).enumerate();
         both.with_min_len(MIN_SHARE.max(count.div_ceil(threads)))
-            .for_each(|(i, (member, update))| *update = act(i, member));
+            .for_each(|(i, (member, update))| {
+                *update = interrupt::under(token.clone(), || act(i, member));
+            });
     } else {
         for (i, (member, update)) in members.iter_mut().zip(updates).enumerate() {
             *update = act(i, member);
@@ -355,6 +396,7 @@ fn act(
 
 impl<S: StateSpaceModel> Tracker for Grid<S> {
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
+        self.populate()?;
         self.nodes.init(corners)?;
         self.previous = None;
         self.unready = false;
@@ -363,12 +405,13 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
         for i in 0..self.members.len() {
             let patch = self.patch(i, false);
             started += usize::from(self.members[i].init(frame, &patch).is_ok());
+            interrupt::check()?;
             self.starts.push(patch);
         }
         if started < self.nodes.ssm.capabilities().min_points {
             return Err(TrackError::Template("too few patches can be tracked"));
         }
-        self.judge(frame);
+        self.judge(frame)?;
         self.previous = Some(frame.clone());
         Ok(())
     }
@@ -379,13 +422,15 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
             .replace(frame.clone())
             .ok_or(TrackError::NotInitialised)?;
         if std::mem::take(&mut self.unready) {
-            self.reset(&previous);
+            self.reset(&previous)?;
         }
         self.failed.fill(false);
         let iterations = self.track(|_, _, member| member.update(frame));
+        interrupt::check()?;
         if self.nodes.params.grid_fb > 0.0 {
             self.misses.clear();
             for i in 0..self.members.len() {
+                interrupt::check()?;
                 let d = if self.found[i].is_some() {
                     self.miss(i, &previous, frame)
                 } else {
@@ -448,10 +493,13 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
 
     fn reseed(&mut self, seed: u64) {
         self.nodes.reseed(seed);
-        let members = self.members.iter_mut().chain([&mut self.back]);
-        for (member, i) in members.zip(1u64..) {
-            member.reseed(seed::of_member(seed, i, Apart::Spaced));
+        self.seed = Some(seed);
+        let of_member = |i: u64| seed::of_member(seed, i, Apart::Spaced);
+        for (member, i) in self.members.iter_mut().zip(1..) {
+            member.reseed(of_member(i));
         }
+        self.back
+            .reseed(of_member(self.nodes.params.size.len() as u64 + 1));
     }
 
     fn set_threads(&mut self, threads: usize) {
@@ -463,7 +511,19 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
     }
 
     fn memory(&self) -> usize {
-        let members: usize = self.members.iter().map(Tracker::memory).sum();
-        self.nodes.memory() + members + self.back.memory()
+        let (count, back) = (self.nodes.params.size.len(), self.back.memory());
+        let members = match self.members.is_empty() {
+            true => count.saturating_mul(back),
+            false => members::kept(self.members.iter().map(AsRef::as_ref)),
+        };
+        (self.nodes.memory() + NODE_BYTES * count)
+            .saturating_add(members)
+            .saturating_add(back)
+    }
+
+    fn memory_needed(&self) -> usize {
+        let passing = members::passing([self.back.as_ref()]);
+        self.memory()
+            .saturating_add(passing.saturating_mul(self.threads.max(1)))
     }
 }

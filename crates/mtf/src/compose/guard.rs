@@ -4,10 +4,12 @@
 //! seen through the homography of their corners: in [-1, 1] whatever appearance model the tracker compares by.
 
 use super::entry::{CompositeEntry, CompositeFamily};
+use super::members;
 use super::seed::{self, Apart};
 use crate::am::Ncc;
 use crate::geom::Corners;
 use crate::image::Frame;
+use crate::interrupt;
 use crate::params::{Params, Resolution};
 use crate::sm::{Probe, SamplingParams};
 use crate::ssm::Homography;
@@ -78,6 +80,13 @@ impl Guard {
         }
     }
 
+    fn members(&self) -> impl Iterator<Item = &dyn Tracker> {
+        [Some(&self.tracker), self.detector.as_ref()]
+            .into_iter()
+            .flatten()
+            .map(AsRef::as_ref)
+    }
+
     /// How much what is at `corners` looks like the object, in [-1, 1]; -1 where nothing can be seen.
     fn confidence(&mut self, frame: &Frame, corners: &Corners) -> f64 {
         let mut b = self.probe.workspace();
@@ -141,6 +150,7 @@ impl Tracker for Guard {
                 }
             }
         }
+        interrupt::check()?;
         // Where it was put back to is the answer too.
         let update = Update {
             corners: self.tracker.corners(),
@@ -199,7 +209,10 @@ impl Tracker for Guard {
     }
 
     fn memory(&self) -> usize {
-        let detector = self.detector.as_ref().map_or(0, |d| d.memory());
-        self.tracker.memory() + detector + self.probe.memory()
+        members::kept(self.members()).saturating_add(self.probe.memory())
+    }
+
+    fn memory_needed(&self) -> usize {
+        self.memory().saturating_add(members::passing(self.members()))
     }
 }

@@ -23,8 +23,8 @@ pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<LineSettings>(
         let (warp, patch) = (parts.warp("ssm", &warp.ssm)?, Arc::clone(&parts.members[0].make));
         Ok(Arc::new(move || {
             let (nodes, patches, lines) = (nodes.clone(), patches.clone(), lines.clone());
-            let ssm = warp.build()?;
-            let tracker = LineTracker::new(nodes, patches, lines, estimator.clone(), ssm, || patch())?;
+            let (ssm, patch) = (warp.build()?, Arc::clone(&patch));
+            let tracker = LineTracker::new(nodes, patches, lines, estimator.clone(), ssm, move || patch())?;
             Ok(Box::new(tracker))
         }))
     },
@@ -38,7 +38,7 @@ pub struct LineTracker<S> {
 }
 
 impl<S: StateSpaceModel> LineTracker<S> {
-    /// With all parameters and `member`, which builds one patch tracker.
+    /// With all parameters and `member`, which builds one patch tracker. Those of all nodes but one are built by `init`.
     ///
     /// # Errors
     /// Those of `member`.
@@ -48,7 +48,7 @@ impl<S: StateSpaceModel> LineTracker<S> {
         lines: LineParams,
         estimator: EstimatorParams,
         ssm: S,
-        member: impl Fn() -> Result<Box<dyn Tracker>, E>,
+        member: impl Fn() -> Result<Box<dyn Tracker>, E> + Send + 'static,
     ) -> Result<Self, E> {
         let lines = Lines::new(lines, nodes.size);
         let grid = Grid::with_lines(nodes, params, estimator, ssm, Some(lines), member)?;
@@ -91,5 +91,8 @@ impl<S: StateSpaceModel> Tracker for LineTracker<S> {
     }
     fn memory(&self) -> usize {
         self.grid.memory()
+    }
+    fn memory_needed(&self) -> usize {
+        self.grid.memory_needed()
     }
 }

@@ -3,6 +3,7 @@
 use super::seed::{self, Apart};
 use crate::geom::Corners;
 use crate::image::Frame;
+use crate::interrupt;
 use crate::tracker::{TrackError, Tracker};
 use std::ops::{Deref, DerefMut};
 
@@ -29,7 +30,10 @@ impl Members {
 
     /// Initialises all; stops at the first that fails.
     pub fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
-        self.0.iter_mut().try_for_each(|m| m.init(frame, corners))
+        self.0.iter_mut().try_for_each(|m| {
+            interrupt::check()?;
+            m.init(frame, corners)
+        })
     }
 
     /// Moves all; stops at the first that fails.
@@ -60,6 +64,30 @@ impl Members {
 
     /// Bytes that they keep.
     pub fn memory(&self) -> usize {
-        self.0.iter().map(|m| m.memory()).sum()
+        kept(self.iter().map(AsRef::as_ref))
     }
+
+    /// Bytes that they take for a while, in turn.
+    pub fn passing(&self) -> usize {
+        passing(self.iter().map(AsRef::as_ref))
+    }
+
+    /// Adds one at the end.
+    pub fn push(&mut self, member: Box<dyn Tracker>) {
+        self.0.push(member);
+    }
+}
+
+/// Bytes that trackers keep.
+pub(super) fn kept<'a>(trackers: impl IntoIterator<Item = &'a dyn Tracker>) -> usize {
+    let bytes = trackers.into_iter().map(|t| t.memory());
+    bytes.fold(0, usize::saturating_add)
+}
+
+/// Bytes that trackers take for a while when they start or search one after the other.
+pub(super) fn passing<'a>(trackers: impl IntoIterator<Item = &'a dyn Tracker>) -> usize {
+    let bytes = trackers
+        .into_iter()
+        .map(|t| t.memory_needed().saturating_sub(t.memory()));
+    bytes.max().unwrap_or(0)
 }

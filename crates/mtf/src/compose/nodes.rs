@@ -7,6 +7,7 @@ use super::entry::WarpParams;
 use crate::consensus::{Estimator, EstimatorParams};
 use crate::geom::{Corners, Mat3, homography};
 use crate::image::Frame;
+use crate::interrupt;
 use crate::params::Resolution;
 use crate::ssm::{self, StateSpaceModel};
 use crate::tracker::TrackError;
@@ -33,6 +34,9 @@ const APART: f64 = 5.0;
 const CLOSE: f64 = 1.5;
 /// Change of a window's shape that shifts where it is found too little to matter, px.
 const BENT: f64 = 0.25;
+
+/// Bytes per node, with what the estimator keeps of it.
+const NODE_BYTES: usize = 160;
 
 /// Nodes, warp and estimator.
 pub(super) struct Nodes<S> {
@@ -238,6 +242,7 @@ impl<S: StateSpaceModel> Nodes<S> {
         self.before.clear();
         self.before.extend_from_slice(self.ssm.state());
         ssm::estimate(&mut self.ssm, &mut self.estimator, &self.from, &self.to)?;
+        interrupt::check()?;
         let huge = self.ssm.corners().outgrow(frame.width(), frame.height());
         if huge || self.follow().is_err() {
             self.ssm.set_state(&self.before)?;
@@ -273,6 +278,6 @@ impl<S: StateSpaceModel> Nodes<S> {
     }
 
     pub fn memory(&self) -> usize {
-        self.ssm.memory() + 160 * self.base.capacity()
+        self.ssm.memory() + NODE_BYTES * self.params.size.len()
     }
 }

@@ -6,6 +6,7 @@ use super::history::{History, Recall};
 use super::members::Members;
 use crate::geom::Corners;
 use crate::image::Frame;
+use crate::interrupt;
 use crate::params::{Params, Resolution, param_enum};
 use crate::ssm::{self, SsmName, StateSpaceModel};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
@@ -152,6 +153,9 @@ impl Recall for Parallel {
                 Err(e) => error = e,
             }
         }
+        if let Err(e) = interrupt::check() {
+            return (Err(e.into()), false);
+        }
         if self.answers.is_empty() {
             return (Err(error), true);
         }
@@ -228,6 +232,10 @@ impl Tracker for Parallel {
     }
 
     fn memory(&self) -> usize {
-        self.members.memory() + self.history.memory()
+        self.members.memory().saturating_add(self.history.memory())
+    }
+
+    fn memory_needed(&self) -> usize {
+        self.memory().saturating_add(self.members.passing())
     }
 }

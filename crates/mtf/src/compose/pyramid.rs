@@ -1,11 +1,13 @@
 //! Pyramid: the same tracker on every level of the image pyramid, coarse to fine. Level `k` is the frame halved `k` times,
 //! `x_k = x/2^k` exactly. Regions may widen by the same factor, as the windows of pyramidal flow do (Bouguet 2000).
 
-use super::entry::{CompositeEntry, CompositeFamily, Make, Member, Refused, build_all};
+use super::entry::{CompositeEntry, CompositeFamily, Make, Member, Refused};
 use super::members::Members;
+use super::seed::{self, Apart};
 use crate::geom::{Corners, homography};
 use crate::image::Frame;
-use crate::params::{ParamValue, Params, Resolution};
+use crate::interrupt;
+use crate::params::{Built, ParamValue, Params, Resolution};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use std::sync::Arc;
 
@@ -31,7 +33,7 @@ pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<PyramidParams>(
         let levels = (0..params.levels).map(|k| level(&params, &parts.members[0], k));
         let levels: Vec<Make> = levels.collect::<Result<_, _>>()?;
         Ok(Arc::new(move || {
-            Ok(Box::new(Pyramid::new(build_all(&levels)?, params.widen)))
+            Ok(Box::new(Pyramid::new(levels.clone(), params.widen)?))
         }))
     },
     CompositeFamily { members: (1, 1) },
@@ -60,8 +62,12 @@ const MIN_SIDE: f64 = 8.0;
 
 /// A tracker per level.
 pub struct Pyramid {
-    /// Level 0 first.
+    /// Level 0, and those coarser ones that have been needed.
     levels: Members,
+    /// What builds each, level 0 first.
+    makes: Vec<Make>,
+    seed: Option<u64>,
+    threads: usize,
     /// Of these, the ones in use: all that the object is large enough for.
     used: usize,
     widen: bool,
@@ -79,14 +85,49 @@ fn shrink(level: usize) -> f64 {
 }
 
 impl Pyramid {
-    /// From its trackers, level 0 (the full frame) first; at least one.
-    pub fn new(levels: Vec<Box<dyn Tracker>>, widen: bool) -> Self {
-        Pyramid {
-            levels: Members::new(levels),
+    /// From what builds the tracker of each level, level 0 (the full frame) first; at least one. Coarser levels are built by
+    /// `init`, as far as the object is large enough for them.
+    ///
+    /// # Errors
+    /// Those of building level 0.
+    pub fn new(levels: Vec<Make>, widen: bool) -> Built<Self> {
+        let first = levels.first().map(|make| make()).transpose()?;
+        Ok(Pyramid {
+            levels: Members::new(first.into_iter().collect()),
+            makes: levels,
+            seed: None,
+            threads: 1,
             used: 0,
             widen,
             base: Corners::default(),
+        })
+    }
+
+    /// Builds the levels up to `k` that are not there yet.
+    fn populate(&mut self, k: usize) -> Result<(), TrackError> {
+        for make in &self.makes[self.levels.len().min(k + 1)..=k] {
+            let unable = TrackError::Unable("the tracker of a level can no longer be built");
+            let mut level = make().map_err(|_| unable)?;
+            if let Some(seed) = self.seed {
+                level.reseed(seed::of_member(seed, self.levels.len() as u64 + 1, Apart::Mixed));
+            }
+            level.set_threads(self.threads);
+            self.levels.push(level);
         }
+        Ok(())
+    }
+
+    /// Bytes that the levels keep which are not built yet.
+    fn to_come(&self) -> usize {
+        // Most levels are built alike.
+        let first = self.levels.first().map_or(0, |level| level.memory());
+        let alike = |make: &Make| Arc::ptr_eq(make, &self.makes[0]);
+        let bytes = |make: &Make| match alike(make) {
+            true => first,
+            false => make().map_or(first, |level| level.memory()),
+        };
+        let coarser = &self.makes[self.levels.len()..];
+        coarser.iter().map(bytes).fold(0, usize::saturating_add)
     }
 
     /// The region at the start that level `k` sees, px of the frame.
@@ -148,14 +189,16 @@ impl Tracker for Pyramid {
         let fits = |k: &usize| k < &frame.levels() && (widen || shortest * shrink(*k) >= MIN_SIDE);
         self.used = 0;
         self.base = *corners;
-        for k in 0..(0..self.levels.len()).take_while(fits).count().max(1) {
+        for k in 0..(0..self.makes.len()).take_while(fits).count().max(1) {
+            interrupt::check()?;
+            self.populate(k)?;
             let level = frame.level(k, self.levels[k].channels());
             let seen = scaled(&self.seen(k), shrink(k));
             let started = self.levels[k].init(level, &seen);
             match started {
                 Ok(()) => self.used = k + 1,
                 // What is too small to see on a coarse level is tracked on the finer ones.
-                Err(_) if k > 0 => break,
+                Err(_) if k > 0 && !interrupt::requested() => break,
                 Err(e) => return Err(e),
             }
         }
@@ -184,6 +227,7 @@ impl Tracker for Pyramid {
                 Err(e) => error = e,
             }
         }
+        interrupt::check()?;
         let update = answer.ok_or(error)?;
         let top = self.used - 1;
         let _ = self.move_level(top, &update.corners);
@@ -215,10 +259,12 @@ impl Tracker for Pyramid {
     }
 
     fn reseed(&mut self, seed: u64) {
+        self.seed = Some(seed);
         self.levels.reseed(seed);
     }
 
     fn set_threads(&mut self, threads: usize) {
+        self.threads = threads;
         self.levels.set_threads(threads);
     }
 
@@ -227,6 +273,11 @@ impl Tracker for Pyramid {
     }
 
     fn memory(&self) -> usize {
-        self.levels.memory()
+        let to_come = if self.used == 0 { self.to_come() } else { 0 };
+        self.levels.memory().saturating_add(to_come)
+    }
+
+    fn memory_needed(&self) -> usize {
+        self.memory().saturating_add(self.levels.passing())
     }
 }

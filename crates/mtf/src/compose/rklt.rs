@@ -3,8 +3,10 @@
 //! sees the object as well as ever from where it was, or else the template, and the leader's answer stands.
 
 use super::entry::{CompositeEntry, CompositeFamily};
+use super::members;
 use crate::geom::Corners;
 use crate::image::Frame;
+use crate::interrupt;
 use crate::params::Params;
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use std::sync::Arc;
@@ -67,6 +69,10 @@ impl Rklt {
         }
     }
 
+    fn members(&self) -> [&dyn Tracker; 2] {
+        [self.leader.as_ref(), self.template.as_ref()]
+    }
+
     /// The template tracker's answer from `start` on.
     fn correct(&mut self, frame: &Frame, start: &Corners) -> Result<Update, TrackError> {
         if self.template.corners() != *start {
@@ -122,6 +128,7 @@ impl Tracker for Rklt {
                 corrected = self.stay(frame, self.usual - LESS * self.usual.abs());
             }
         }
+        interrupt::check()?;
         let iterations = led.as_ref().map_or(0, |u| u.iterations) + corrected.map_or(0, |u| u.iterations);
         let mut update = match corrected {
             Some(u) => {
@@ -173,7 +180,11 @@ impl Tracker for Rklt {
     }
 
     fn memory(&self) -> usize {
-        self.leader.memory() + self.template.memory()
+        members::kept(self.members())
+    }
+
+    fn memory_needed(&self) -> usize {
+        self.memory().saturating_add(members::passing(self.members()))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::extract::{KeyPoint, SCALES};
 use super::pattern::TURNS;
+use crate::interrupt;
 use crate::kernels::{self, Bits};
 
 crate::params! {
@@ -59,6 +60,9 @@ impl Matcher {
         self.matches.clear();
         self.distances.resize(second.len(), 0);
         for (i, query) in first.iter().enumerate() {
+            if interrupt::requested() {
+                return;
+            }
             kernels::hamming_distances(query, second, &mut self.distances);
             let Some((best, &distance)) = self.distances.iter().enumerate().min_by_key(|d| d.1) else {
                 return;

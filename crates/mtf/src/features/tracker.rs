@@ -4,6 +4,7 @@ use super::{Extractor, KeyPoint, MatchParams, Matcher, Region, SCALES, scale_fac
 use crate::consensus::{Estimator, EstimatorParams};
 use crate::geom::{Corners, Mat3, homography};
 use crate::image::Frame;
+use crate::interrupt;
 use crate::kernels::{Bits, hamming};
 use crate::ssm::{self, StateSpaceModel};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
@@ -75,6 +76,9 @@ const ENOUGH: usize = 120;
 const AREA: (f64, f64) = (40.0, 4.0);
 /// Largest RMS misfit, px, at which a region that is set keeps the base frame.
 const KEEP_BASE: f64 = 0.5;
+/// Bytes per key point of the template, and per one that is looked for in a frame, with its part of the frame.
+const KEY_POINT_BYTES: usize = 96;
+const FOUND_BYTES: usize = 80;
 
 impl<S: StateSpaceModel> FeatureTracker<S> {
     /// With all parameters.
@@ -137,6 +141,7 @@ impl<S: StateSpaceModel> FeatureTracker<S> {
             (points, descriptors),
             SAME_PLACE,
         );
+        interrupt::check()?;
         self.matcher.vote(&self.points, points);
         self.from.clear();
         self.to.clear();
@@ -161,6 +166,7 @@ impl<S: StateSpaceModel> FeatureTracker<S> {
     /// Fits the warp to the matches, looks again for every key point near where that puts it, and fits again.
     fn fit(&mut self, frame: &Frame, least: usize) -> Result<Detection, TrackError> {
         ssm::estimate(&mut self.ssm, &mut self.estimator, &self.from, &self.to)?;
+        interrupt::check()?;
         self.judge(frame, least)?;
         let mut visible = 0;
         for reach in REACHES {
@@ -365,6 +371,10 @@ impl<S: StateSpaceModel> Tracker for FeatureTracker<S> {
     }
 
     fn memory(&self) -> usize {
-        self.ssm.memory() + self.extractor.memory() + 96 * self.points.capacity()
+        if self.points.is_empty() {
+            let (template, whole) = (self.params.feat_template, self.params.feat_points_whole);
+            return self.ssm.memory() + KEY_POINT_BYTES * template + FOUND_BYTES * whole;
+        }
+        self.ssm.memory() + self.extractor.memory() + KEY_POINT_BYTES * self.points.capacity()
     }
 }

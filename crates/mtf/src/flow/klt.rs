@@ -3,6 +3,7 @@
 //! that of the first image (inverse compositional), so each level needs it once.
 
 use crate::image::{Frame, Image};
+use crate::interrupt;
 use crate::kernels::{self, FlowWindow, Place};
 use crate::threads::in_shares;
 
@@ -192,7 +193,9 @@ impl Klt {
             residual: f64::INFINITY,
             min_eigen: 0.0,
         };
-        if !inside(first.gray(), x, 0.0) || !guess.iter().all(|v| v.is_finite()) {
+        let near = inside(first.gray(), x, 0.0) && guess.iter().all(|v| v.is_finite());
+        // Interrupted, no point is found.
+        if !near || interrupt::requested() {
             return found;
         }
         for level in (0..=top).rev() {

@@ -2,10 +2,11 @@
 //! as fast as nalgebra's at order 1000, and with the same bits everywhere.
 
 use super::{Lanes, dispatch};
+use crate::interrupt;
 
 dispatch! {
     /// `A = Uᵀ U` in place: `a` holds the upper triangle of a matrix of order `n`, row by row, and then `U`. False when the matrix
-    /// is not positive definite or not finite.
+    /// is not positive definite or not finite, and when interrupted.
     pub fn factorise(a: &mut [f64], n: usize) -> bool = factorise_lanes;
 }
 
@@ -19,6 +20,9 @@ const GROUP: usize = 4;
 #[inline(always)]
 fn factorise_lanes<V: Lanes>(a: &mut [f64], n: usize) -> bool {
     for first in (0..n).step_by(PANEL) {
+        if interrupt::requested() {
+            return false;
+        }
         let last = (first + PANEL).min(n);
         let (above, below) = a[first * n..n * n].split_at_mut((last - first) * n);
         for k in first..last {

@@ -2,12 +2,14 @@
 
 use super::{Jacobian, Lanes, WIDTH, dispatch};
 use crate::geom::solve::SymMatrix;
+use crate::interrupt;
 use std::ops::Range;
 
 dispatch! {
     /// `out_k = Σ_i r_i J_ik` for each of the S columns.
     pub fn project(j: &Jacobian, r: &[f32], out: &mut [f64]) = project_lanes;
     /// `h = J'J` and `out[m * S + k] = Σ_i rhs[m]_i J_ik`, all in one sweep over blocks that stay in the first-level cache.
+    /// Interrupted, the rest of a large system is left as it was.
     pub fn normal_equations(j: &Jacobian, rhs: &[&[f32]], h: &mut SymMatrix, out: &mut [f64]) = normal_lanes;
     /// `h = J' diag(w) J` with weights of any sign, and `out[m * S + k] = Σ_i rhs[m]_i J_ik`: the right-hand sides are
     /// not weighted.
@@ -132,6 +134,10 @@ fn system<V: Lanes, const WEIGHTED: bool>(
                     }
                 }
             }
+        }
+        // Systems of one batch, those of most warps, do not ask.
+        if count == BATCH && interrupt::requested() {
+            break;
         }
     }
 }

@@ -319,3 +319,38 @@ fn what_is_prepared_once_is_built_often() {
         "cascade(lms/ssd+gb/affine): lms/ssd+gb/affine: lms does not estimate illumination"
     );
 }
+
+#[test]
+fn numbers_beyond_reason_are_refused_with_their_bounds() {
+    let r = Registry::builtin();
+    let refused = |text: &str| r.parse(text).unwrap_err().to_string();
+    for (text, message) in [
+        (
+            "nn/ssd/8{n_samples=1e12}",
+            "n_samples=1e12: expected 2 to 1000000",
+        ),
+        (
+            "nn/ssd/8{n_samples=1000000000000}",
+            "n_samples=1000000000000: expected 2 to 1000000",
+        ),
+        (
+            "pf/ssd/8{n_particles=99999999999999999999999}",
+            "n_particles=99999999999999999999999: expected 1 to 1000000",
+        ),
+        (
+            "grid(iclk/ssd/2; size=100000x100000)",
+            "size=100000x100000: expected COLSxROWS or one number, 2 to 1000 each",
+        ),
+        (
+            "esm/ssd/8{res=4294967297x2}",
+            "res=4294967297x2: expected COLSxROWS or one number, 2 to 1000 each",
+        ),
+        ("pyramid(esm/ssd/8; levels=64)", "levels=64: expected 1 to 8"),
+    ] {
+        assert_eq!(refused(text), message);
+    }
+    for (_, name, info) in r.params() {
+        let whole = info.default.parse::<u64>().is_ok() && info.allowed == "a whole number";
+        assert!(!whole, "{name}.{} has no bounds", info.name);
+    }
+}

@@ -5,6 +5,7 @@
 //! registry builds the same code over boxed models. May depend on everything below `registry`.
 
 mod lk;
+mod needs;
 mod sampled;
 mod sampling;
 mod template;

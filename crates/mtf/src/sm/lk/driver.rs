@@ -14,6 +14,8 @@ use crate::geom::Corners;
 use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::ilm::IlluminationModel;
 use crate::image::{Frame, Image};
+use crate::interrupt;
+use crate::sm::needs::Needs;
 use crate::sm::sampling::SamplingParams;
 use crate::sm::template::{KEEP_BASE, check_template};
 use crate::sm::workspace::{Buffers, Workspace};
@@ -116,6 +118,15 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
     /// Number of parameters: the warp's, then those of the illumination.
     fn dof(&self) -> usize {
         self.ssm.dof() + self.light.as_ref().map_or(0, Light::dof)
+    }
+
+    /// What the models keep, or will keep.
+    fn needs(&self) -> Needs {
+        if self.started {
+            Needs::of_started(&self.am, &self.ssm)
+        } else {
+            Needs::of(&self.am, &self.ssm, self.sampling.shape(), self.sampling.res)
+        }
     }
 
     fn workspace(&self) -> Workspace {
@@ -249,6 +260,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
         let mut stop = Stop::MaxIterations;
         let mut iterations = 0;
         while iterations < self.params.max_iters {
+            interrupt::check()?;
             iterations += 1;
             self.sample(image, ws, gradient)?;
             let f = if lm { self.merit(climbs, image, ws)? } else { best };
@@ -281,6 +293,8 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Lk<M, A, S> {
                 break;
             }
         }
+        // Steps of a system that was left half made lead nowhere.
+        interrupt::check()?;
         if lm {
             // The last step has not been judged yet.
             self.sample(image, ws, gradient && !climbs)?;
@@ -477,13 +491,30 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
 
     fn memory(&self) -> usize {
         let n = self.sampling.shape().len();
-        let template = if self.params.second_order { 20 * n } else { 8 * n };
-        template
-            + self.am.memory().max(8 * n)
-            + self.ssm.memory().max(8 * n)
-            + self.method.memory().max(4 * n * 8)
-            + self.light.as_ref().map_or(0, Light::memory)
-            + self.masking.memory()
+        let needs = self.needs();
+        let template = if self.params.second_order { 20 } else { 8 };
+        let (method, light) = if self.started {
+            let light = self.light.as_ref().map_or(0, Light::memory);
+            (self.method.memory(), light)
+        } else {
+            let light = self.light.as_ref().map_or(0, |l| 4 * (4 + l.dof()));
+            let dof = match M::keeps_jacobian(self.hess()) {
+                true => needs.dof + self.light.as_ref().map_or(0, Light::dof),
+                false => 0,
+            };
+            (n.saturating_mul(4 * dof), n.saturating_mul(light))
+        };
+        [n.saturating_mul(template), method, light, self.masking.memory()]
+            .into_iter()
+            .fold(needs.models(), usize::saturating_add)
+    }
+
+    fn memory_needed(&self) -> usize {
+        let n = self.sampling.shape().len();
+        let light = n.saturating_mul(4 * self.light.as_ref().map_or(0, Light::dof));
+        self.memory()
+            .saturating_add(self.needs().scratch(n))
+            .saturating_add(light)
     }
 }
 

@@ -39,6 +39,9 @@ impl LkMethod for FalkMethod {
     fn linearise<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>, out: &mut Normal) {
         forward(kit, JacobianKind::Additive, &mut self.initial, out);
     }
+    fn keeps_jacobian(hess: Hessian) -> bool {
+        hess == Hessian::InitialSelf
+    }
     fn memory(&self) -> usize {
         self.initial.0.memory()
     }

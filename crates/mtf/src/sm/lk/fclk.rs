@@ -73,6 +73,9 @@ impl LkMethod for FclkMethod {
     fn linearise<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>, out: &mut Normal) {
         forward(kit, JacobianKind::Warped, &mut self.initial, out);
     }
+    fn keeps_jacobian(hess: Hessian) -> bool {
+        hess == Hessian::InitialSelf
+    }
     fn memory(&self) -> usize {
         self.initial.0.memory()
     }

@@ -71,6 +71,9 @@ impl LkMethod for FcsdMethod {
         // The step that this Hessian makes of the gradient is the one wanted.
         h.fill_from(|i, j, v| if i == j { -v.abs() / rate } else { 0.0 });
     }
+    fn keeps_jacobian(hess: Hessian) -> bool {
+        hess == Hessian::InitialSelf
+    }
     fn memory(&self) -> usize {
         self.initial.0.memory()
     }

@@ -45,6 +45,9 @@ impl LkMethod for HaclkMethod {
         kit.gradient(Side::Current, &mut out.gradient);
         out.hessian.copy_from(&self.truth.hessian);
     }
+    fn keeps_jacobian(_hess: Hessian) -> bool {
+        false
+    }
     fn memory(&self) -> usize {
         0
     }

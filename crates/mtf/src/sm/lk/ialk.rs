@@ -35,6 +35,9 @@ impl LkMethod for IalkMethod {
         kit.linearise(Side::Template, JacobianKind::Approximate, out);
         out.gradient.iter_mut().for_each(|g| *g = -*g);
     }
+    fn keeps_jacobian(_hess: Hessian) -> bool {
+        false
+    }
     fn memory(&self) -> usize {
         0
     }

@@ -4,6 +4,7 @@ use crate::am::PatchShape;
 use crate::geom::solve::SymMatrix;
 use crate::ilm::IlluminationModel;
 use crate::kernels::{self, Jacobian};
+use crate::params::Resolution;
 use crate::ssm::JacobianKind;
 use crate::tracker::TrackError;
 
@@ -14,6 +15,12 @@ const TIKHONOV: f64 = 1e-5;
 /// Squared change of intensity, in gray levels at white, that counts as much as a squared pixel of corner motion: common
 /// image gradients are some ten gray levels per pixel.
 const GRAY_PER_PIXEL_SQUARED: f64 = 100.0;
+
+/// A shape of enough points for any model.
+const SMALL: PatchShape = PatchShape {
+    res: Resolution { cols: 32, rows: 32 },
+    channels: 1,
+};
 
 /// An illumination model in a search.
 pub(super) struct Light {
@@ -31,7 +38,9 @@ pub(super) struct Light {
 }
 
 impl Light {
-    pub fn new(model: Box<dyn IlluminationModel>, on_template: bool) -> Self {
+    pub fn new(mut model: Box<dyn IlluminationModel>, on_template: bool) -> Self {
+        // Some do not know how many parameters they have before they have seen a shape.
+        let _ = model.init(SMALL, false);
         Light {
             model,
             on_template,

@@ -39,6 +39,10 @@ pub trait LkMethod: Send + Sized + 'static {
     fn visit_truth<S: StateSpaceModel>(&mut self, _kit: &mut Kit<'_, S>) {}
     /// Gradient and Hessian at the current state.
     fn linearise<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>, out: &mut Normal);
+    /// Whether it keeps a Jacobian of the template, with the Hessian given.
+    fn keeps_jacobian(_hess: Hessian) -> bool {
+        true
+    }
     /// Bytes kept between frames.
     fn memory(&self) -> usize;
 }

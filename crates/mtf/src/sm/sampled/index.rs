@@ -6,6 +6,7 @@
 //! from distances along the principal axes.
 
 use crate::am::{AppearanceModel, Distances, Metric};
+use crate::interrupt::{self, Interrupted};
 use crate::kernels;
 use crate::params::param_enum;
 use crate::threads::in_shares;
@@ -109,7 +110,8 @@ fn distances_of<A: AppearanceModel>(am: &A) -> &dyn Distances {
     am.distances().expect("judges are made of models with distances")
 }
 
-/// Compares the query with `count` samples, `id` names them, and offers them in this order, whoever compares.
+/// Compares the query with `count` samples, `id` names them, and offers them in this order, whoever compares. Interrupted, it
+/// leaves out the rest.
 fn offer_all<A: AppearanceModel>(
     judges: &mut [Judge<A>],
     features: &Features,
@@ -124,7 +126,7 @@ fn offer_all<A: AppearanceModel>(
         Metric::SquaredL2 | Metric::L1 => 1,
     };
     if judges.len() == 1 || count * features.len * price < WORTH {
-        for i in (0..count).map(id) {
+        for i in (0..count).map(id).take_while(|_| !interrupt::requested()) {
             out.offer(first.distance(query, features.row(i), out.bound()), i);
         }
         return;
@@ -135,7 +137,7 @@ fn offer_all<A: AppearanceModel>(
         near.k = known.k;
         near.found.clone_from(&known.found);
         let distances = distances_of(am);
-        for i in share.map(&id) {
+        for i in share.map(&id).take_while(|_| !interrupt::requested()) {
             near.offer(distances.distance(query, features.row(i), near.bound()), i);
         }
     });
@@ -153,14 +155,16 @@ fn of_each<T: Send, R: Send>(
     states: &mut [T],
     count: usize,
     of: impl Fn(&mut T, usize) -> R + Sync,
-) -> Vec<R> {
+) -> Result<Vec<R>, Interrupted> {
+    let one = |state: &mut T, i: usize| interrupt::check().map(|()| of(state, i));
     if let [state] = states {
-        return (0..count).map(|i| of(state, i)).collect();
+        return (0..count).map(|i| one(state, i)).collect();
     }
     let made = in_shares(states, count, |state, share| {
-        share.map(|i| of(state, i)).collect::<Vec<R>>()
+        share.map(|i| one(state, i)).collect::<Result<Vec<R>, _>>()
     });
-    made.into_iter().flatten().collect()
+    let made: Vec<Vec<R>> = made.into_iter().collect::<Result<_, _>>()?;
+    Ok(made.into_iter().flatten().collect())
 }
 
 /// Projection onto the principal axes of samples.
@@ -173,7 +177,7 @@ pub(super) struct Axes {
 
 impl Axes {
     /// By subspace iteration over evenly chosen samples.
-    fn of(features: &Features) -> Self {
+    fn of(features: &Features) -> Result<Self, Interrupted> {
         let (n, len) = (features.count(), features.len);
         let stride = n.div_ceil(AXIS_SAMPLES);
         let chosen = || (0..n).step_by(stride);
@@ -195,6 +199,7 @@ impl Axes {
         for _ in 0..ROUNDS {
             let mut next = vec![vec![0.0; len]; count];
             for i in chosen() {
+                interrupt::check()?;
                 centre(i, &mut row);
                 for (axis, sum) in axes.iter().zip(&mut next) {
                     kernels::add_scaled(kernels::dot(axis, &row) as f32, &row, sum);
@@ -203,11 +208,11 @@ impl Axes {
             axes = next;
             orthonormalise(&mut axes);
         }
-        Axes {
+        Ok(Axes {
             mean,
             axes,
             centred: row,
-        }
+        })
     }
 
     fn project(&mut self, feature: &[f32]) -> [f32; AXES] {
@@ -249,20 +254,26 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// With what each sample is along the axes. Made by so many threads.
-    fn new(features: &Features, candidates: usize, threads: usize) -> Option<(Self, Vec<[f32; AXES]>)> {
-        let axes = Axes::of(features);
+    /// With what each sample is along the axes, if a tree can be built. Made by so many threads.
+    fn new(
+        features: &Features,
+        candidates: usize,
+        threads: usize,
+    ) -> Result<Option<(Self, Vec<[f32; AXES]>)>, Interrupted> {
+        let axes = Axes::of(features)?;
         let mut each = vec![axes.clone(); threads];
         let points = of_each(&mut each, features.count(), |axes, i| {
             axes.project(features.row(i))
-        });
-        let tree = ImmutableKdTree::new_from_slice(&points).ok()?;
+        })?;
+        let Ok(tree) = ImmutableKdTree::new_from_slice(&points) else {
+            return Ok(None);
+        };
         let tree = Tree {
             axes,
             tree,
             candidates,
         };
-        Some((tree, points))
+        Ok(Some((tree, points)))
     }
 
     /// The nearest along the axes, in order.
@@ -367,13 +378,34 @@ pub(super) struct IndexSettings {
     pub max_steps: usize,
 }
 
+impl IndexSettings {
+    /// Bytes that an index over `n` samples of `len` numbers keeps, and those that making it on so many threads takes
+    /// besides.
+    pub fn memory(&self, n: usize, len: usize, threads: usize) -> [usize; 2] {
+        let links = (self.degree + 1).min(n);
+        let (axes, points) = (4 * (AXES + 2) * len, 4 * AXES * n);
+        let tree = axes + 4 * (AXES + 1) * n;
+        let (graph, lists) = (4 * n * (links + 2), n * (size_of::<Vec<usize>>() + 8 * links));
+        let projected = 2 * points + threads * axes;
+        match self.kind {
+            IndexKind::Auto | IndexKind::Linear => [0, 0],
+            IndexKind::Kd => [tree, projected],
+            IndexKind::Gnn => [graph, lists + threads * n * size_of::<(f32, usize)>()],
+            IndexKind::Fgnn => [graph, lists + tree + projected],
+        }
+    }
+}
+
 impl Index {
     /// Index over the samples, of which there are two at least. Where no tree can be built, a linear one.
+    ///
+    /// # Errors
+    /// Interrupted.
     pub fn new<A: AppearanceModel>(
         judges: &mut [Judge<A>],
         features: &Features,
         settings: IndexSettings,
-    ) -> Self {
+    ) -> Result<Self, Interrupted> {
         let n = features.count();
         let IndexSettings {
             candidates,
@@ -382,30 +414,35 @@ impl Index {
             ..
         } = settings;
         let wanted = (degree + 1).min(n);
-        match settings.kind {
+        Ok(match settings.kind {
             IndexKind::Auto | IndexKind::Linear => Index::Linear,
-            IndexKind::Kd => Tree::new(features, candidates, judges.len())
+            IndexKind::Kd => Tree::new(features, candidates, judges.len())?
                 .map_or(Index::Linear, |(tree, _)| Index::Kd(tree)),
             IndexKind::Gnn => {
                 let near = of_each(judges, n, |judge, i| {
                     let row = features.row(i);
                     let model = distances_of(&judge.am);
                     let mut distances: Vec<(f32, usize)> = (0..n)
-                        .map(|j| (model.distance(row, features.row(j), f32::INFINITY), j))
+                        .map(|j| match interrupt::requested() {
+                            true => (f32::INFINITY, j),
+                            false => (model.distance(row, features.row(j), f32::INFINITY), j),
+                        })
                         .collect();
                     distances
                         .select_nth_unstable_by(wanted - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
                     distances[..wanted].iter().map(|d| d.1).collect()
-                });
+                })?;
+                interrupt::check()?;
                 Index::Graph(Graph::new(near, degree, max_steps))
             }
-            IndexKind::Fgnn => {
-                Tree::new(features, candidates, judges.len()).map_or(Index::Linear, |(tree, points)| {
-                    let near = of_each(judges, n, |_, i| tree.nearest(&points[i], wanted));
+            IndexKind::Fgnn => match Tree::new(features, candidates, judges.len())? {
+                Some((tree, points)) => {
+                    let near = of_each(judges, n, |_, i| tree.nearest(&points[i], wanted))?;
                     Index::Graph(Graph::new(near, degree, max_steps))
-                })
-            }
-        }
+                }
+                None => Index::Linear,
+            },
+        })
     }
 
     /// Whether there is a tree.
@@ -436,15 +473,6 @@ impl Index {
                 |ids, out| offer_all(judges, features, query, ids.len(), |k| ids[k] as usize, out),
                 out,
             ),
-        }
-    }
-
-    /// Bytes.
-    pub fn memory(&self) -> usize {
-        match self {
-            Index::Linear => 0,
-            Index::Kd(tree) => 4 * (AXES + 2) * tree.axes.mean.len() + 4 * (AXES + 1) * tree.tree.size(),
-            Index::Graph(graph) => 4 * (graph.links.len() + 2 * graph.seen.len()),
         }
     }
 }
@@ -494,7 +522,7 @@ mod tests {
         let kinds = [IndexKind::Linear, IndexKind::Kd, IndexKind::Gnn, IndexKind::Fgnn];
         // One that compares, or three.
         let mut judges = [1, 3].map(|count| (0..count).map(|_| Judge::new(am.clone())).collect::<Vec<_>>());
-        let mut indices = kinds.map(|kind| Index::new(&mut judges[1], &features, settings(kind)));
+        let mut indices = kinds.map(|kind| Index::new(&mut judges[1], &features, settings(kind)).unwrap());
         assert!(indices[1].is_tree());
         for round in 0..40 {
             let at = rng.random_range(0..600);

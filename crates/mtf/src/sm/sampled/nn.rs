@@ -11,6 +11,7 @@ use crate::am::{AppearanceModel, Capabilities, Metric};
 use crate::geom::solve::{SymMatrix, solve_negative};
 use crate::geom::{Corners, homography};
 use crate::image::{Frame, Image};
+use crate::interrupt;
 use crate::kernels;
 use crate::params::{Assignment, Built, ParamError, ParamValue, Params};
 use crate::sm::sampling::SamplingParams;
@@ -159,6 +160,50 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
         }
     }
 
+    /// How the samples are indexed whose distances are of this kind.
+    fn settings(&self, metric: Metric) -> IndexSettings {
+        let p = &self.params;
+        let kind = match (p.index, metric) {
+            (IndexKind::Auto, Metric::SquaredL2) => IndexKind::Kd,
+            (IndexKind::Auto, Metric::L1) => IndexKind::Linear,
+            (IndexKind::Auto, Metric::Other) => IndexKind::Fgnn,
+            (kind, _) => kind,
+        };
+        IndexSettings {
+            kind,
+            candidates: p.candidates,
+            degree: p.degree,
+            max_steps: p.max_steps,
+        }
+    }
+
+    /// Bytes kept, and those that the start takes besides.
+    fn bytes(&self) -> [usize; 2] {
+        let p = &self.params;
+        let shape = self.probe.sampling.shape();
+        let needs = self.probe.needs(shape);
+        let metric = self.probe.am.distances().map_or(Metric::Other, |d| d.metric());
+        let [index, making] = self
+            .settings(metric)
+            .memory(p.n_samples, needs.feature, self.threads);
+        let sample = 4 * needs.feature + 8 * needs.dof + size_of::<Corners>();
+        let near = if p.neighbours > 1 {
+            p.neighbours.min(p.n_samples) * (4 * needs.feature + 16 * p.neighbours)
+        } else {
+            0
+        };
+        let kept = (needs.models().saturating_mul(1 + self.threads))
+            .saturating_add(p.n_samples.saturating_mul(sample))
+            .saturating_add(index)
+            .saturating_add(near);
+        let copies = if self.threads > 1 { self.threads } else { 0 };
+        let passing = (needs.models().saturating_mul(copies))
+            .saturating_add(needs.scratch(shape.len()).saturating_mul(self.threads))
+            .saturating_add(8 * needs.dof * p.n_samples)
+            .saturating_add(making);
+        [kept, passing]
+    }
+
     /// Makes the samples from the first frame.
     fn collect(&mut self, image: &Image, b: &mut Buffers) -> Result<(), TrackError> {
         let p = &self.params;
@@ -182,6 +227,7 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
             .chunks_exact_mut(s)
             .zip(self.increments.chunks_exact_mut(s));
         for (i, (state, d)) in samples.enumerate().skip(1) {
+            interrupt::check()?;
             let set = p.sigma.set_of(i - 1, n - 1);
             let (walk, how) = (Dynamics::RandomWalk, Increment::Compositional);
             sampler.transition(set, ssm, walk, how, &mut rng, state, &mut last)?;
@@ -198,6 +244,7 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
             .chunks_exact_mut(len)
             .zip(states.chunks_exact(s));
         let show = |probe: &mut Probe<A, S>, b: &mut Buffers, row: &mut [f32], state: &[f64]| {
+            interrupt::check()?;
             probe.ssm.set_state(state)?;
             // Whatever lies outside the image has the border's value, here as on every frame.
             let _ = probe.look(image, b);
@@ -213,13 +260,15 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
             let share = n.div_ceil(self.threads);
             let rows = self.features.values.par_chunks_mut(share * len);
             let shares = rows.zip(states.par_chunks(share * s));
+            let token = interrupt::current();
             probes
                 .par_iter_mut()
                 .zip(shares)
                 .try_for_each(|(probe, (rows, states))| {
                     let mut ws = probe.workspace();
                     let mut rows = rows.chunks_exact_mut(len).zip(states.chunks_exact(s));
-                    rows.try_for_each(|(row, state)| show(probe, &mut ws, row, state))
+                    let mut all = || rows.try_for_each(|(row, state)| show(probe, &mut ws, row, state));
+                    interrupt::under(token.clone(), &mut all)
                 })?;
         }
         self.probe.ssm.set_state(&home)
@@ -267,6 +316,7 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
         let mut iterations = 0;
         let mut stop = Stop::MaxIterations;
         while iterations < self.params.max_iters {
+            interrupt::check()?;
             iterations += 1;
             let distance = self.ask(image, b)?;
             if distance < least {
@@ -274,6 +324,8 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
                 self.best.copy_from_slice(self.probe.ssm.state());
             }
             self.answer()?;
+            // What was found in a part of the samples is no answer.
+            interrupt::check()?;
             let before = self.probe.ssm.corners();
             self.accepted.copy_from_slice(self.probe.ssm.state());
             self.probe.ssm.update(how, &self.delta)?;
@@ -300,20 +352,9 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Nn<A, S
         let judge = || Judge::new(self.probe.am.clone());
         self.judges.resize_with(self.threads, judge);
         self.collect(image, &mut ws)?;
+        let settings = self.settings(self.probe.distances()?.metric());
+        self.index = Index::new(&mut self.judges, &self.features, settings)?;
         let p = &self.params;
-        let kind = match (p.index, self.probe.distances()?.metric()) {
-            (IndexKind::Auto, Metric::SquaredL2) => IndexKind::Kd,
-            (IndexKind::Auto, Metric::L1) => IndexKind::Linear,
-            (IndexKind::Auto, Metric::Other) => IndexKind::Fgnn,
-            (kind, _) => kind,
-        };
-        let settings = IndexSettings {
-            kind,
-            candidates: p.candidates,
-            degree: p.degree,
-            max_steps: p.max_steps,
-        };
-        self.index = Index::new(&mut self.judges, &self.features, settings);
         let (k, s, len) = (
             p.neighbours.min(p.n_samples),
             self.probe.ssm.dof(),
@@ -389,11 +430,12 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Nn<A, S
     }
 
     fn memory(&self) -> usize {
-        // Before `init` some models do not know the length of their feature; patches are of that order.
-        let feature = self.probe.am.distances().map_or(0, |d| d.feature_len());
-        let len = feature.max(self.probe.sampling.shape().len());
-        let sample = 4 * len + 8 * (self.probe.ssm.dof() + 8);
-        (1 + self.threads) * self.probe.memory() + self.params.n_samples * sample + self.index.memory()
+        self.bytes()[0]
+    }
+
+    fn memory_needed(&self) -> usize {
+        let [kept, passing] = self.bytes();
+        kept.saturating_add(passing)
     }
 }
 

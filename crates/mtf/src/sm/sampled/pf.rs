@@ -11,6 +11,7 @@ use super::step::Step;
 use crate::am::{self, AppearanceModel};
 use crate::geom::Corners;
 use crate::image::{Frame, Image};
+use crate::interrupt;
 use crate::params::{Params, param_enum};
 use crate::sm::sampling::SamplingParams;
 use crate::sm::template::Learning;
@@ -243,6 +244,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
             .zip(last.par_chunks_mut(size * s))
             .zip(sets.par_chunks(size).zip(scores.par_chunks_mut(size)));
         let (opened, patch, sigma) = (self.opened, &b.values, &self.sampler.sigma);
+        let token = interrupt::current();
         self.helpers.par_iter_mut().zip(shares).enumerate().for_each(
             |(k, ((probe, sampler), ((states, last), (sets, scores))))| {
                 // Each begins the frame as the tracker itself did.
@@ -261,7 +263,8 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
                     scores,
                 };
                 let mut ws = probe.workspace();
-                step.make(probe, sampler, image, mine, &mut ws);
+                let make = || step.make(probe, sampler, image, mine, &mut ws);
+                interrupt::under(token.clone(), make);
             },
         );
     }
@@ -369,6 +372,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
             self.estimate.copy_from_slice(self.probe.ssm.state());
             self.deal();
             self.scatter(image, pass, b);
+            interrupt::check()?;
             if !self.weigh() {
                 return Err(TrackError::NotFinite("similarity of all particles"));
             }
@@ -425,7 +429,7 @@ struct Move {
 }
 
 impl Move {
-    /// Moves particles and scores them.
+    /// Moves particles and scores them. Interrupted, it leaves out the rest.
     fn make<A: AppearanceModel, S: StateSpaceModel>(
         &self,
         probe: &mut Probe<A, S>,
@@ -438,6 +442,9 @@ impl Move {
         let states = share.states.chunks_exact_mut(s);
         let particles = states.zip(share.last.chunks_exact_mut(s)).zip(share.sets);
         for ((i, ((p, r), &set)), score) in (share.first as u64..).zip(particles).zip(share.scores) {
+            if interrupt::requested() {
+                return;
+            }
             let mut rng = Pcg64::seed_from_u64(self.seed.wrapping_add(i));
             // A particle that cannot move stays.
             let _ = sampler.transition(set, &mut probe.ssm, self.dynamics, self.how, &mut rng, p, r);
@@ -570,9 +577,17 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Pf<A, S
     }
 
     fn memory(&self) -> usize {
-        let particle = 8 * (4 * self.probe.ssm.dof() + 5);
+        let needs = self.probe.needs(self.probe.sampling.shape());
+        let particle = 8 * (4 * needs.dof + 5);
         let probes = if self.threads > 1 { self.threads + 1 } else { 1 };
-        probes * self.probe.memory() + particle * self.params.n_particles
+        (needs.models().saturating_mul(probes)).saturating_add(particle * self.params.n_particles)
+    }
+
+    fn memory_needed(&self) -> usize {
+        let shape = self.probe.sampling.shape();
+        let scratch = self.probe.needs(shape).scratch(shape.len());
+        self.memory()
+            .saturating_add(scratch.saturating_mul(self.threads.max(1)))
     }
 }
 

@@ -1,8 +1,9 @@
 //! What the methods that score many states share: template, patch at the present state, region.
 
-use crate::am::{self, AppearanceModel, Distances};
+use crate::am::{self, AppearanceModel, Distances, PatchShape};
 use crate::geom::{Corners, Mat3};
 use crate::image::Image;
+use crate::sm::needs::Needs;
 use crate::sm::sampling::SamplingParams;
 use crate::sm::template::{KEEP_BASE, check_template};
 use crate::sm::workspace::{Buffers, Workspace};
@@ -150,7 +151,17 @@ impl<A: AppearanceModel, S: StateSpaceModel> Probe<A, S> {
         Ok(crate::geom::homography::from_corners(&old, corners))
     }
 
+    /// What both models keep, or will keep once they have started on patches; the appearance model sees them in the shape
+    /// given.
+    pub(in crate::sm) fn needs(&self, shape: PatchShape) -> Needs {
+        if self.started {
+            Needs::of_started(&self.am, &self.ssm)
+        } else {
+            Needs::of(&self.am, &self.ssm, shape, self.sampling.res)
+        }
+    }
+
     pub fn memory(&self) -> usize {
-        self.am.memory() + self.ssm.memory()
+        self.needs(self.sampling.shape()).models()
     }
 }

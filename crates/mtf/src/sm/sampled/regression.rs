@@ -12,6 +12,7 @@ use super::ridge::ridge;
 use crate::am::{AppearanceModel, Metric, PatchShape};
 use crate::geom::{Corners, homography};
 use crate::image::{Frame, Image};
+use crate::interrupt;
 use crate::kernels;
 use crate::params::{Params, Resolution};
 use crate::sm::sampling::SamplingParams;
@@ -162,6 +163,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Regression<A, S> {
         let mut rng = Pcg64::seed_from_u64(self.seed.wrapping_add(level as u64));
         let from = self.base.to_array();
         for (x, y) in x.chunks_exact_mut(inputs).zip(y.chunks_exact_mut(OUTPUTS)) {
+            interrupt::check()?;
             self.probe
                 .look_around(image, &mut sampler, level, &mut rng, &mut work, b)?;
             self.describe(b)?;
@@ -174,7 +176,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Regression<A, S> {
                 .for_each(|(y, (t, f))| *y = t - f);
         }
         self.probe.ssm.set_state(&home)?;
-        ridge(&x, &y, inputs, OUTPUTS, kappa).ok_or(TrackError::Singular)
+        ridge(&x, &y, inputs, OUTPUTS, kappa)?.ok_or(TrackError::Singular)
     }
 
     /// One step with a level.
@@ -211,6 +213,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Regression<A, S> {
             return Err(TrackError::NotFinite("similarity"));
         }
         for k in 0..steps {
+            interrupt::check()?;
             let before = self.probe.ssm.corners();
             self.accepted.copy_from_slice(self.probe.ssm.state());
             let f = self
@@ -302,8 +305,21 @@ impl<A: AppearanceModel, S: StateSpaceModel> Tracker for Regression<A, S> {
     }
 
     fn memory(&self) -> usize {
-        let inputs = self.shape().len();
-        self.probe.memory() + 4 * inputs * (OUTPUTS * self.params.sigma.0.len() + 3)
+        let needs = self.probe.needs(self.shape());
+        let levels = OUTPUTS * self.params.sigma.0.len() + 3;
+        (needs.models()).saturating_add(4 * needs.feature.saturating_mul(levels))
+    }
+
+    fn memory_needed(&self) -> usize {
+        let needs = self.probe.needs(self.shape());
+        let (n, inputs) = (self.params.n_samples, needs.feature);
+        // Samples twice, by row and by column; their products in a matrix of the smaller order, twice.
+        let samples = n.saturating_mul(8 * inputs + 16 * OUTPUTS);
+        let products = n.min(inputs).saturating_pow(2).saturating_mul(16);
+        let scratch = needs.scratch(self.probe.sampling.shape().len());
+        [samples, products, scratch]
+            .into_iter()
+            .fold(self.memory(), usize::saturating_add)
     }
 }
 

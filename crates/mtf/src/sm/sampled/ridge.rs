@@ -3,16 +3,26 @@
 //! Solved by Cholesky's factorisation of `XᵀX + λ Id`, or of `X Xᵀ + λ Id` where that is smaller: the weights are the same.
 
 use crate::geom::solve::SymMatrix;
+use crate::interrupt::{self, Interrupted};
 use crate::kernels::{self, Jacobian};
 
 /// Weights, a row of `inputs` numbers per output; `x` has a row per sample, `y` `outputs` numbers per sample. `None` when the
 /// system is singular or not finite.
-pub(super) fn ridge(x: &[f32], y: &[f64], inputs: usize, outputs: usize, kappa: f64) -> Option<Vec<f32>> {
+///
+/// # Errors
+/// Interrupted.
+pub(super) fn ridge(
+    x: &[f32],
+    y: &[f64],
+    inputs: usize,
+    outputs: usize,
+    kappa: f64,
+) -> Result<Option<Vec<f32>>, Interrupted> {
     let samples = x.len() / inputs;
     let rows = || x.chunks_exact(inputs);
     let squares: f64 = x.iter().map(|v| f64::from(*v).powi(2)).sum();
     let lambda = kappa * squares / inputs as f64;
-    if inputs <= samples {
+    let weights = if inputs <= samples {
         // (XᵀX + λ) Wᵀ = XᵀY.
         let mut columns = Jacobian::new(samples, inputs);
         for k in 0..inputs {
@@ -20,8 +30,8 @@ pub(super) fn ridge(x: &[f32], y: &[f64], inputs: usize, outputs: usize, kappa: 
             column.zip(rows()).for_each(|(c, row)| *c = row[k]);
         }
         let mut right = products(x, y, inputs, outputs);
-        solve(&mut gram(&columns, lambda), inputs, &mut right, outputs)?;
-        Some(transposed(&right, outputs))
+        let solved = solve(&mut gram(&columns, lambda), inputs, &mut right, outputs);
+        solved.map(|()| transposed(&right, outputs))
     } else {
         // W = Aᵀ X with (X Xᵀ + λ) A = Y.
         let mut columns = Jacobian::new(inputs, samples);
@@ -29,9 +39,11 @@ pub(super) fn ridge(x: &[f32], y: &[f64], inputs: usize, outputs: usize, kappa: 
             columns.col_mut(i).copy_from_slice(row);
         }
         let mut right = y.to_vec();
-        solve(&mut gram(&columns, lambda), samples, &mut right, outputs)?;
-        Some(transposed(&products(x, &right, inputs, outputs), outputs))
-    }
+        let solved = solve(&mut gram(&columns, lambda), samples, &mut right, outputs);
+        solved.map(|()| transposed(&products(x, &right, inputs, outputs), outputs))
+    };
+    // A system that was left half made may be singular, or not.
+    interrupt::check().map(|()| weights)
 }
 
 /// `XᵀY`, `outputs` numbers per input.
@@ -118,7 +130,7 @@ mod tests {
                 })
                 .collect();
             let kappa = 1e-3;
-            let w = ridge(&x, &y, inputs, 2, kappa).unwrap();
+            let w = ridge(&x, &y, inputs, 2, kappa).unwrap().unwrap();
             // The gradient of the loss vanishes: Xᵀ (X w - y) + λ w = 0.
             let lambda = kappa * x.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / inputs as f64;
             for o in 0..2 {
@@ -138,6 +150,6 @@ mod tests {
                 }
             }
         }
-        assert!(ridge(&[f32::NAN; 4], &[1.0; 2], 2, 1, 1e-3).is_none());
+        assert!(ridge(&[f32::NAN; 4], &[1.0; 2], 2, 1, 1e-3).unwrap().is_none());
     }
 }
