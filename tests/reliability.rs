@@ -12,6 +12,7 @@ crate::tests! {
     a_merge_notices_altered_truth;
     results_of_a_run_that_was_begun_anew_are_not_judged;
     results_that_are_not_of_the_journal_are_not_judged;
+    frames_changed_in_place_are_tracked_again;
     builds_are_not_mixed_unawares;
     other_peoples_folders_are_left_alone;
     #[cfg(unix)]
@@ -140,6 +141,47 @@ fn results_that_are_not_of_the_journal_are_not_judged() {
     // Its own command mends it.
     run(dir, "a", &[]).success();
     program(dir).args(["compare", "a", "b"]).assert().success();
+}
+
+/// Other pixels in a file of the same size, and the same in another file.
+fn frames_changed_in_place_are_tracked_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    write_data(&dir.join("data"), &[6, 7]);
+    for (sequence, frames) in [("seq0", 6), ("seq1", 7)] {
+        for frame in 1..=frames {
+            let png = dir.join(format!("data/{sequence}/frame{frame:05}.png"));
+            image::open(&png)
+                .unwrap()
+                .save(png.with_extension("pgm"))
+                .unwrap();
+            fs::remove_file(png).unwrap();
+        }
+        let truth = dir.join(format!("data/{sequence}.txt"));
+        fs::write(
+            &truth,
+            fs::read_to_string(&truth).unwrap().replace(".png", ".pgm"),
+        )
+        .unwrap();
+    }
+    let lines = |out: &str| {
+        fs::read_to_string(dir.join(out).join("journal.jsonl"))
+            .unwrap()
+            .lines()
+            .count()
+    };
+    run(dir, "out", &[]).success();
+    run(dir, "s1", &["--shard", "slice:1/2"]).success();
+    assert_eq!(lines("out"), 4);
+    let frame = dir.join("data/seq1/frame00004.pgm");
+    let mut bytes = fs::read(&frame).unwrap();
+    bytes[3000..4000].fill(9);
+    fs::write(&frame, bytes).unwrap();
+    run(dir, "out", &[]).success();
+    assert_eq!(lines("out"), 6);
+    run(dir, "s2", &["--shard", "slice:2/2"]).success();
+    let refused = program(dir).args(["merge", "all", "s1", "s2"]).assert().code(11);
+    assert!(said(&refused).contains("seq1"), "{}", said(&refused));
 }
 
 fn builds_are_not_mixed_unawares() {

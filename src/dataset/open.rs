@@ -96,6 +96,7 @@ impl Draft {
     /// The sequence, with what is valid of its ground truth.
     pub fn into_sequence(self, (width, height): (usize, usize)) -> Sequence {
         let parts = self.unread.parts;
+        let contents = vec![Default::default(); parts.frames.len()];
         Sequence::new(Whole {
             dataset: self.unread.dataset,
             name: parts.name,
@@ -107,7 +108,7 @@ impl Draft {
             tags: self.annotations.tags,
             width,
             height,
-            sizes: Default::default(),
+            contents,
             decoded: Default::default(),
         })
     }

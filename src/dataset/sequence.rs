@@ -12,6 +12,7 @@ use std::borrow::Cow;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
+use twox_hash::XxHash64;
 
 /// Image sequence with ground-truth corners, or a selection of its frames. Cloning and selecting share everything.
 #[derive(Clone, Debug)]
@@ -37,9 +38,20 @@ pub(super) struct Whole {
     pub tags: Vec<String>,
     pub width: usize,
     pub height: usize,
-    /// File sizes in bytes, asked for once.
-    pub sizes: OnceLock<Vec<Option<u64>>>,
+    /// Checksum of each frame's file, taken once.
+    pub contents: Vec<OnceLock<u64>>,
     pub decoded: AtomicUsize,
+}
+
+impl Whole {
+    /// Checksum of the file of a frame; the largest number where it cannot be read.
+    fn checksum(&self, frame: usize) -> u64 {
+        let of = || match self.frames[frame].read() {
+            Ok(bytes) => XxHash64::oneshot(0, &bytes),
+            Err(_) => u64::MAX,
+        };
+        *self.contents[frame].get_or_init(of)
+    }
 }
 
 impl Sequence {
@@ -197,7 +209,8 @@ impl Sequence {
     }
 
     /// Identity of the data in 64 hex digits: SHA-256 over the bytes of the ground truth's files (and of the dense
-    /// one), the image size, and for each frame its name, file size and corners. The place on disk does not count.
+    /// one), the image size, and for each frame its name, corners and the checksum (XXH64) of its file's bytes. The place on
+    /// disk does not count. Reads the files, once for all selections of the sequence.
     pub fn fingerprint(&self) -> String {
         format!("{:x}", self.hasher().finalize())
     }
@@ -215,16 +228,13 @@ impl Sequence {
 
     fn hasher(&self) -> Sha256 {
         let whole = &*self.whole;
-        let sizes = whole
-            .sizes
-            .get_or_init(|| whole.frames.iter().map(File::size).collect());
         let mut hasher = Sha256::new();
         let mut put = |bytes: &[u8]| {
             // The length goes first, so that no two lists of fields run together.
             hasher.update((bytes.len() as u64).to_le_bytes());
             hasher.update(bytes);
         };
-        put(b"sequence 1");
+        put(b"sequence 2");
         put(&whole.truth_digest);
         put(&self.file(DENSE_FILE).ok().flatten().unwrap_or_default());
         put(&[whole.width as u64, whole.height as u64, self.len as u64]
@@ -232,7 +242,7 @@ impl Sequence {
             .concat());
         for i in 0..self.len {
             put(self.frame_name(i).as_bytes());
-            put(&sizes[self.index(i)].unwrap_or(u64::MAX).to_le_bytes());
+            put(&whole.checksum(self.index(i)).to_le_bytes());
             let corners = self.truth(i).map(Corners::to_array);
             put(&corners
                 .map(|c| c.map(f64::to_le_bytes).concat())

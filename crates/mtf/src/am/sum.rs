@@ -55,6 +55,8 @@ pub struct Sum {
     parts: [Addend; 2],
     /// Metric of the weighted features, if both members have one.
     metric: Option<Metric>,
+    /// Steps climb `f` where both members' steps climb theirs.
+    climbs: bool,
     scratch: Vec<f32>,
     normal: Normal,
 }
@@ -87,7 +89,12 @@ impl Sum {
             weight: 1.0,
             distance: 1.0,
         };
-        let parts = [addend(first), addend(second)];
+        let mut parts = [addend(first), addend(second)];
+        let mut climbs = |k: usize| {
+            let derivatives = parts[k].am.derivatives();
+            derivatives.is_some_and(|d| d.similarity_is_merit())
+        };
+        let climbs = climbs(0) && climbs(1);
         let metric = |k: usize| parts[k].am.distances().map(Distances::metric);
         let metric = match (metric(0), metric(1)) {
             (Some(Metric::SquaredL2), Some(Metric::SquaredL2)) => Some(Metric::SquaredL2),
@@ -97,6 +104,7 @@ impl Sum {
         Sum {
             parts,
             metric,
+            climbs,
             scratch: Vec::new(),
             normal: Normal::new(0),
         }
@@ -120,7 +128,7 @@ impl AppearanceModel for Sum {
         Properties {
             symmetric: a.symmetric && b.symmetric,
             gain_bias_invariant: a.gain_bias_invariant && b.gain_bias_invariant,
-            tracks_alone: true,
+            tracks_alone: a.tracks_alone || b.tracks_alone,
         }
     }
     fn set_template(&mut self, shape: PatchShape, patch: &[f32]) -> Result<(), TrackError> {
@@ -241,6 +249,9 @@ impl Derivatives for Sum {
             *g = a * *g + b * s;
         }
     }
+    fn similarity_is_merit(&self) -> bool {
+        self.climbs
+    }
     fn weighted(&mut self) -> bool {
         self.parts.iter_mut().any(|p| p.derivatives().weighted())
     }
@@ -334,5 +345,19 @@ mod tests {
         let mut sum = ENTRY.model(&[("am1", "sad")], AMS).unwrap();
         let c = Capabilities::of(&mut *sum);
         assert!(!c.derivatives && sum.properties().symmetric && c.metric == Some(Metric::Other));
+    }
+
+    #[test]
+    fn a_sum_is_what_its_members_are() {
+        let of = |am1: &str, am2: &str| {
+            let mut sum = ENTRY.model(&[("am1", am1), ("am2", am2)], AMS).unwrap();
+            let alone = sum.properties().tracks_alone;
+            (sum.derivatives().map(|d| d.similarity_is_merit()), alone)
+        };
+        assert_eq!(of("ssd", "ncc"), (Some(true), true));
+        // Centred gradients do not climb.
+        assert_eq!(of("ssd", "mi"), (Some(false), true));
+        assert!(!of("kld", "lkld").1);
+        assert!(of("kld", "ssd").1);
     }
 }
