@@ -245,7 +245,9 @@ mod tests {
     use crate::cli::args::{Messages, ProgressMode, When};
     use crate::metric::Errors;
     use crate::metric::aggregate::{TrackerName, UnitResult, UnitStatus, aggregate};
+    use crate::plan::RUN_FORMAT_VERSION;
     use crate::report::{About, Exporters};
+    use crate::store::held::Endings;
     use clap::Parser;
     use mtf::geom::Corners;
 
@@ -286,15 +288,23 @@ mod tests {
                 let run = dir.path().join(name);
                 std::fs::create_dir(&run).unwrap();
                 let results = aggregate(&MetricSet::builtin(), units);
-                Exporters::builtin()
-                    .write(&run, &results, &About::default())
-                    .unwrap();
+                let about = About {
+                    // Of a run without units, where there is a description of one.
+                    made_from: Endings::default().finish(),
+                    ..About::default()
+                };
+                Exporters::builtin().write(&run, &results, &about).unwrap();
             };
             let (wall, book) = (unit("wall", &[0.5, 1.0, 1.5]), unit("book", &[0.2, 0.2]));
             write("good", &[wall.clone(), book.clone()]);
             write("bad", &[unit("wall", &[0.5, 9.0, 9.0]), book]);
             write("part", &[wall]);
-            std::fs::write(dir.path().join("good/run.json"), r#"{"command": ["builtin"]}"#).unwrap();
+            let run = serde_json::json!({
+                "schema_version": RUN_FORMAT_VERSION, "tool": "mtf-eval", "version": "1", "protocol": "ope",
+                "seed": 0, "pre": "none", "frame_logs": "csv", "truth": "", "command": ["builtin"],
+                "trackers": [], "sequences": [],
+            });
+            std::fs::write(dir.path().join("good/run.json"), run.to_string()).unwrap();
             Runs(dir)
         }
 
