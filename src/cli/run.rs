@@ -16,7 +16,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::Duration;
 
+/// A `--max-time` in which few units end, perhaps.
+const SHORT: Duration = Duration::from_secs(60);
 /// Failed units named on stderr; the rest is in the files.
 const FAILURES_SHOWN: usize = 5;
 
@@ -152,7 +155,7 @@ fn request(args: &RunArgs, words: &[String], program: &Program) -> Result<RunReq
         .shard(shard)
         .force(force)
         .mix_builds(mix_builds)
-        .hurry(max_time.is_some())
+        .hurry(max_time.is_some_and(|limit| limit <= SHORT))
         .grace(grace)
         .host(host.into_iter().collect());
     let out = match out {

@@ -3,6 +3,12 @@
 use crate::run::error::RunError;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::io;
+use std::time::Duration;
+
+/// Time that threads of a pool that was given up take to end.
+const ENDING: Duration = Duration::from_millis(20);
+/// Times that a single thread is asked for again, while others end.
+const TRIES: usize = 5;
 
 /// A pool of `threads` worker threads, 0 for one per core; of fewer where the system grants fewer, which `warn` is told.
 ///
@@ -11,7 +17,7 @@ use std::io;
 pub fn pool(threads: usize, warn: &dyn Fn(&str)) -> Result<ThreadPool, RunError> {
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let wanted = if threads == 0 { cores() } else { threads };
-    let mut count = wanted;
+    let (mut count, mut tries) = (wanted, TRIES);
     loop {
         match pool_of(count) {
             Ok(pool) => {
@@ -22,8 +28,13 @@ pub fn pool(threads: usize, warn: &dyn Fn(&str)) -> Result<ThreadPool, RunError>
                 }
                 return Ok(pool);
             }
-            Err(error) if count == 1 => return Err(RunError::Threads(error)),
-            Err(_) => count /= 2,
+            Err(error) if count == 1 && tries == 0 => return Err(RunError::Threads(error)),
+            Err(_) => {
+                tries -= usize::from(count == 1);
+                count = (count / 2).max(1);
+                // The threads that could be started end by themselves.
+                std::thread::sleep(ENDING);
+            }
         }
     }
 }

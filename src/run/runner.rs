@@ -148,7 +148,8 @@ pub fn run(
             broken: AtomicBool::new(false),
             error: Mutex::new(None),
             pace: Pace::new(request.hurry || last.stopped, last.held == Some(resumed), threads),
-            at_once: match last.held == Some(resumed) {
+            // Few units in progress end sooner than many.
+            at_once: match request.hurry || last.held == Some(resumed) {
                 true => 1,
                 false => groups_at_once(threads, largest, groups.len()),
             },

@@ -1,6 +1,8 @@
 //! Where and when something was written.
 
 use std::fs;
+use std::hash::Hasher;
+use std::io::Read;
 use std::sync::OnceLock;
 use twox_hash::XxHash64;
 
@@ -27,10 +29,17 @@ pub fn build() -> &'static str {
         } else {
             std::env::current_exe().unwrap_or_default()
         };
-        match fs::read(path) {
-            Ok(bytes) => format!("{:016x}", XxHash64::oneshot(0, &bytes)),
-            Err(_) => format!("version {}", env!("CARGO_PKG_VERSION")),
-        }
+        let sum = || -> std::io::Result<String> {
+            let mut file = fs::File::open(path)?;
+            let (mut sum, mut block) = (XxHash64::with_seed(0), vec![0; 1 << 16]);
+            loop {
+                match file.read(&mut block)? {
+                    0 => return Ok(format!("{:016x}", sum.finish())),
+                    n => sum.write(&block[..n]),
+                }
+            }
+        };
+        sum().unwrap_or_else(|_| format!("version {}", env!("CARGO_PKG_VERSION")))
     })
 }
 
