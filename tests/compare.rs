@@ -10,6 +10,7 @@ use tempfile::TempDir;
 
 crate::tests! {
     finds_the_tracker_that_changed;
+    figures_are_those_of_the_tables;
     refuses_what_does_not_compare;
     warns_of_few_sequences;
     the_gate_reports_to_ci_services;
@@ -106,6 +107,63 @@ fn finds_the_tracker_that_changed() {
     // Trackers of one run against one of them.
     let found = json(dir, &["a", "--reference", "esm/ssd/homography{res=20x20}"]);
     assert_eq!(found["comparisons"][0]["trackers"], 2);
+}
+
+fn figures_are_those_of_the_tables() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    write_data(&dir.join("data"), &[9, 7, 12]);
+    // Failures from a third of a pixel on: trackers differ in the number of their frames.
+    let protocols = "ope,subseq:2,reinit:0.3:1,every:2";
+    for (out, seed) in [("a", "0"), ("b", "1")] {
+        let pf = [
+            "--sm",
+            "pf",
+            "--set",
+            "pf.n_particles=40",
+            "--protocol",
+            protocols,
+        ];
+        run(dir, out, &[&pf[..], &["--seed", seed]].concat());
+    }
+    let aggregates = |run: &str| -> Vec<Value> {
+        let text = fs::read_to_string(dir.join(run).join("summary.json")).unwrap();
+        let summary: Value = serde_json::from_str(&text).unwrap();
+        summary["trackers"][0]["aggregates"].as_array().unwrap().clone()
+    };
+    let tables = [aggregates("a"), aggregates("b")];
+    let names = "auc,sr_1,sr_2,sr_5,sr_10,sr_20,sr_area,al_mean,mcd_mean,cl_mean,jaccard_mean";
+    for average in ["pooled", "seq_mean"] {
+        let found = json(dir, &["a", "b", "--average", average, "--figures", names]);
+        let changed = found["comparisons"][0]["changed"].as_array().unwrap();
+        assert_eq!(changed.len(), 4, "{changed:?}");
+        for change in changed {
+            let of = |table: &[Value]| -> Value {
+                let mut rows = table.iter();
+                let wanted = |r: &&Value| r["protocol"] == change["protocol"] && r["average"] == average;
+                rows.find(wanted).unwrap().clone()
+            };
+            let [a, b] = [of(&tables[0]), of(&tables[1])];
+            if change["protocol"] == "reinit:0.3:1" {
+                assert_ne!((&a["frames"], &a["failures"]), (&b["frames"], &b["failures"]));
+            }
+            for figure in change["figures"].as_array().unwrap() {
+                let name = figure["figure"].as_str().unwrap();
+                assert_eq!(
+                    (&figure["a"], &figure["b"]),
+                    (&a[name], &b[name]),
+                    "{average} {name} {change}"
+                );
+            }
+        }
+    }
+    program(dir)
+        .args(["compare", "a", "b"])
+        .assert()
+        .success()
+        .stdout(contains(
+            "1 of 1 tracker changed (4 of 4 with each protocol apart), in ",
+        ));
 }
 
 fn refuses_what_does_not_compare() {

@@ -50,7 +50,7 @@ pub struct CompareArgs {
     /// Form of the result
     #[arg(long, value_name = "FORMAT", default_value = "table")]
     pub format: Format,
-    /// How many changed trackers tables show (0: all)
+    /// How many changes tables show, each tracker and protocol being one (0: all)
     #[arg(long, value_name = "N", default_value_t = 20)]
     pub top: usize,
 }
@@ -153,7 +153,7 @@ fn people(found: &Comparison, args: &CompareArgs, console: &Console) -> String {
         text += &table(&found.changed[..shown], args.format, console);
     }
     if shown < found.changed.len() {
-        let more = count(found.changed.len() - shown, "more changed tracker");
+        let more = count(found.changed.len() - shown, "more change");
         text += &format!("\n{more} (--top 0 shows all)\n");
     }
     let with = |verdict| {
@@ -167,8 +167,13 @@ fn people(found: &Comparison, args: &CompareArgs, console: &Console) -> String {
             count(found.trackers, "tracker")
         ),
         n => format!(
-            "{n} of {} changed, in {} of {runs}; {} better, {} worse, {} unclear",
+            "{} of {} changed{}, in {} of {runs}; {} better, {} worse, {} unclear",
+            found.trackers_changed,
             count(found.trackers, "tracker"),
+            match found.cases == found.trackers {
+                true => String::new(),
+                false => format!(" ({n} of {} with each protocol apart)", found.cases),
+            },
             found.units - found.identical,
             with(Verdict::Better),
             with(Verdict::Worse),

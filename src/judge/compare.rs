@@ -3,9 +3,9 @@
 
 use crate::files::{self, Kind};
 use crate::judge::change::{Change, Matched, equal};
-use crate::judge::stats::{Pair, benjamini_hochberg, difference};
+use crate::judge::stats::{Pair, Side, benjamini_hochberg, difference};
 use crate::metric::aggregate::{Average, Results, SequenceRow};
-use crate::metric::{Figure, MetricSet};
+use crate::metric::{Figure, MetricSet, Score};
 use crate::store::held::finished;
 use crate::store::summary::{Summary, Thresholds};
 use crate::store::{FileError, StoreError};
@@ -20,7 +20,7 @@ pub const FEW_SEQUENCES: usize = 10;
 
 /// Names of the figures that can be compared: means over frames, which is what pooling over sequences needs.
 pub fn comparable(metrics: &MetricSet) -> Vec<&str> {
-    let figures = metrics.figures().iter().filter(|f| f.frame_mean);
+    let figures = metrics.figures().iter().filter(|f| f.frame_mean.is_some());
     figures.map(|f| f.name.as_str()).collect()
 }
 
@@ -31,7 +31,7 @@ pub fn comparable(metrics: &MetricSet) -> Vec<&str> {
 pub fn parse_figure(metrics: &MetricSet, name: &str) -> Result<String, String> {
     let name = name.to_ascii_lowercase();
     let why = match metrics.figure(&name) {
-        Some(figure) if figure.frame_mean => return Ok(name),
+        Some(figure) if figure.frame_mean.is_some() => return Ok(name),
         Some(_) => format!("{name} is no mean over frames, so sequences cannot be pooled"),
         None => format!("no figure '{name}'"),
     };
@@ -91,6 +91,13 @@ impl FinishedRun {
             .flatten()
             .filter_map(|t| Some((t["id"].as_str()?, &t["parameters"])))
             .collect()
+    }
+
+    /// The figures of a tracker in the table of the run.
+    fn table(&self, tracker: &str, protocol: &str, average: Average) -> Option<&Score> {
+        let mut rows = self.results.summary.iter();
+        let row = rows.find(|r| r.tracker.id == tracker && r.protocol == protocol && r.average == average)?;
+        Some(&row.score)
     }
 
     /// Rows of each tracker under each protocol.
@@ -181,7 +188,7 @@ impl Verdict {
 pub struct FigureChange {
     /// Which.
     pub figure: String,
-    /// Its value in the first run, over what both have.
+    /// Its value in the first run: that of the run's table where both have the same units, else over those that both have.
     pub a: f64,
     /// Its value in the second.
     pub b: f64,
@@ -227,11 +234,15 @@ pub struct Comparison {
     pub reference: Option<String>,
     /// Trackers compared.
     pub trackers: usize,
+    /// The same, a tracker under each protocol counting as one.
+    pub cases: usize,
     /// Units compared.
     pub units: usize,
     /// Of those, units equal in every figure.
     pub identical: usize,
-    /// The trackers that differ: significant changes first, then by the size of the first figure's change.
+    /// Trackers that differ under at least one protocol.
+    pub trackers_changed: usize,
+    /// What differs, each protocol apart: significant changes first, then by the size of the first figure's change.
     pub changed: Vec<TrackerChange>,
     /// Trackers of the first run alone.
     pub only_a: Vec<String>,
@@ -279,10 +290,15 @@ pub fn compare(a: &FinishedRun, b: &FinishedRun, options: &Options) -> Result<Co
     }
     // The reference itself is left out where it would meet itself.
     let itself = |id: &str| options.reference.as_deref() == Some(id) && a.name == b.name;
-    let partners: Vec<(&str, &Vec<&SequenceRow>, &Vec<&SequenceRow>)> = of_b
+    type Case<'a> = (
+        (&'a str, &'a str),
+        &'a Vec<&'a SequenceRow>,
+        &'a Vec<&'a SequenceRow>,
+    );
+    let partners: Vec<Case<'_>> = of_b
         .iter()
         .filter(|((id, _), _)| !itself(id))
-        .filter_map(|((id, protocol), rows)| Some((*id, of_a.get(&(partner(options, id), *protocol))?, rows)))
+        .filter_map(|(case, rows)| Some((*case, of_a.get(&(partner(options, case.0), case.1))?, rows)))
         .collect();
     let compared = |id: &String| !itself(id) && ids_a.contains(partner(options, id));
     let figures = a.results.metrics.figures();
@@ -301,15 +317,26 @@ pub fn compare(a: &FinishedRun, b: &FinishedRun, options: &Options) -> Result<Co
         a: a.name.clone(),
         b: b.name.clone(),
         reference: options.reference.clone(),
-        trackers: partners.iter().map(|(id, ..)| id).collect::<BTreeSet<_>>().len(),
+        trackers: partners
+            .iter()
+            .map(|((id, _), ..)| id)
+            .collect::<BTreeSet<_>>()
+            .len(),
+        cases: partners.len(),
         settings: settings(a, b, options.reference.is_some()),
         ..Comparison::default()
     };
     let compared: Vec<(Matched<SequenceRow>, Option<TrackerChange>)> = partners
         .par_iter()
-        .map(|(id, a, b)| {
-            let matched = matched(a, b);
-            let change = change(id, &matched.both, figures, &shared, options);
+        .map(|((id, protocol), rows_a, rows_b)| {
+            let matched = matched(rows_a, rows_b);
+            let whole = matched.only_before.is_empty() && matched.only_after.is_empty();
+            let tables = || {
+                let first = a.table(partner(options, id), protocol, options.average)?;
+                Some([first, b.table(id, protocol, options.average)?])
+            };
+            let tables = if whole { tables() } else { None };
+            let change = change(id, &matched.both, tables, figures, &shared, options);
             (matched, change)
         })
         .collect();
@@ -341,6 +368,8 @@ pub fn compare(a: &FinishedRun, b: &FinishedRun, options: &Options) -> Result<Co
         result.units_only_a += alone(&of_a, &of_b, &ids_b);
         result.units_only_b += alone(&of_b, &of_a, &ids_a);
     }
+    let changed: BTreeSet<&String> = result.changed.iter().map(|c| &c.tracker).collect();
+    result.trackers_changed = changed.len();
     judge(&mut result.changed, options.fdr);
     result.warnings = warnings(&result, options);
     result.warnings.extend(not_compared(a, b));
@@ -357,11 +386,12 @@ fn matched<'a>(a: &[&'a SequenceRow], b: &[&'a SequenceRow]) -> Matched<'a, Sequ
     Matched::new(a, b.iter().copied(), key)
 }
 
-/// The change of a tracker over units that are sorted by data set and sequence; q values and verdicts are still to come.
-/// `None` when nothing changed.
+/// The change of a tracker over units that are sorted by data set and sequence, which are what `tables` are of, if they are
+/// given; q values and verdicts are still to come. `None` when nothing changed.
 fn change(
     id: &str,
     units: &[(&SequenceRow, &SequenceRow)],
+    tables: Option<[&Score; 2]>,
     figures: &[Figure],
     shared: &Shared,
     options: &Options,
@@ -376,12 +406,21 @@ fn change(
     let sequences: Vec<_> = units.chunk_by(|a, b| sequence(a.0) == sequence(b.0)).collect();
     let changes = options.figures.iter().filter_map(|name| {
         let figure = figures.iter().find(|f| f.name == *name)?;
+        let pair = |units: &&[(&SequenceRow, &SequenceRow)]| Pair {
+            a: side(units.iter().map(|(a, _)| &a.score), figure, options.average),
+            b: side(units.iter().map(|(_, b)| &b.score), figure, options.average),
+        };
         let pairs: Vec<Pair> = sequences
             .iter()
-            .filter_map(|units| pair(units, name, options.average))
+            .map(pair)
+            .filter(|p| *p != Pair::default())
             .collect();
         let found = difference(&pairs, options.resamples, options.seed)?;
-        let change = Change::new(figure, found.a, found.b);
+        // Figures of rows are rounded; those of the table were made before that.
+        let [a, b] = tables.map_or([found.a, found.b], |tables| {
+            tables.map(|score| score[name.as_str()])
+        });
+        let change = Change::new(figure, a, b);
         let verdict = match (found.excludes_zero(), change.gain() > 0.0) {
             (false, _) => Verdict::Unclear,
             (true, true) => Verdict::Better,
@@ -413,20 +452,19 @@ fn change(
     })
 }
 
-/// A sequence's figures over all its start frames; `None` without scored frames.
-fn pair(units: &[(&SequenceRow, &SequenceRow)], figure: &str, average: Average) -> Option<Pair> {
-    let (mut weight, mut a, mut b) = (0.0, 0.0, 0.0);
-    for (x, y) in units.iter().filter(|(x, _)| x.score.frames() > 0) {
-        let frames = x.score.frames() as f64;
-        weight += frames;
-        a += frames * x.score.get(figure)?;
-        b += frames * y.score.get(figure)?;
+/// A figure of a sequence over all its start frames.
+fn side<'a>(scores: impl Iterator<Item = &'a Score>, figure: &Figure, average: Average) -> Side {
+    let mut side = Side::default();
+    for score in scores {
+        let (weight, value) = (figure.weight(score), score[figure.name.as_str()]);
+        if weight > 0.0 && value.is_finite() {
+            side += Side::new(weight, value);
+        }
     }
-    (weight > 0.0 && a.is_finite() && b.is_finite()).then(|| Pair {
-        weight: if average == Average::Pooled { weight } else { 1.0 },
-        a: a / weight,
-        b: b / weight,
-    })
+    match average {
+        Average::SeqMean if side.weight > 0.0 => Side::new(1.0, side.mean()),
+        _ => side,
+    }
 }
 
 /// Adjusts the p values over all trackers and figures together, settles the verdicts, and sorts.

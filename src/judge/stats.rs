@@ -1,8 +1,9 @@
 //! Whether a difference between two trackers says more than chance: figures of the same sequences are paired, and
 //! sequences are the unit of chance, because errors within one hang together.
 //!
-//! With `a_s`, `b_s` the means of a figure over the `w_s` frames of sequence `s`, the difference of the pooled figures is
-//! `D = Σ w_s (b_s - a_s) / Σ w_s`. Its 95 % interval is a bootstrap over sequences (Efron 1979), its percentiles moved
+//! With `a_s` the mean of a figure over `v_s` frames of sequence `s` in the first run and `b_s` that over `w_s` frames in the
+//! second, the difference of the pooled figures is `D = Σ w_s b_s / Σ w_s - Σ v_s a_s / Σ v_s`. (How many frames there are
+//! depends on the tracker where it is started anew after failures.) Its 95 % interval is a bootstrap over sequences (Efron 1979), its percentiles moved
 //! out as far as the t distribution and the variance of a small sample ask for (Hesterberg 2015, "expanded percentile
 //! interval"). Its p value is exact at any number of sequences: if nothing distinguishes the two, each sequence's pair
 //! may as well be the other way round (Fisher's sign flips). Over many trackers the false discovery rate is controlled
@@ -12,21 +13,59 @@ use crate::metric::quantile;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Figures of two trackers on one sequence.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pair {
-    /// Frames that the figures are means over, or 1 to weigh all sequences alike.
+/// A figure that is a mean over frames: of a tracker on a sequence, or over sequences.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Side {
+    /// Frames that it is a mean over, or 1 to weigh all sequences alike; 0 where it is undefined.
     pub weight: f64,
-    /// Figure of the first.
-    pub a: f64,
-    /// Figure of the second.
-    pub b: f64,
+    /// The weight times the figure.
+    pub sum: f64,
+}
+
+impl Side {
+    /// A figure over `weight` frames.
+    pub fn new(weight: f64, figure: f64) -> Side {
+        Side {
+            weight,
+            sum: weight * figure,
+        }
+    }
+
+    /// The figure; NaN where it is undefined.
+    pub fn mean(&self) -> f64 {
+        self.sum / self.weight
+    }
+}
+
+impl std::ops::AddAssign for Side {
+    fn add_assign(&mut self, more: Side) {
+        self.weight += more.weight;
+        self.sum += more.sum;
+    }
+}
+
+/// Figures of two trackers on one sequence.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pair {
+    /// Of the first.
+    pub a: Side,
+    /// Of the second.
+    pub b: Side,
 }
 
 impl Pair {
-    /// `w (b - a)`
+    /// The figures over several sequences.
+    fn over<'a>(pairs: impl Iterator<Item = &'a Pair>) -> Pair {
+        pairs.fold(Pair::default(), |mut total, pair| {
+            total.a += pair.a;
+            total.b += pair.b;
+            total
+        })
+    }
+
+    /// How much larger the second figure is.
     fn moved(&self) -> f64 {
-        self.weight * (self.b - self.a)
+        self.b.mean() - self.a.mean()
     }
 }
 
@@ -58,16 +97,15 @@ const MOST_FLIPS: u32 = 100_000;
 const ENOUGH: u32 = 50;
 
 /// Difference of two figures over `pairs`, with its interval from `resamples` bootstrap samples and its p value; `None`
-/// without sequences. The same seed gives the same result.
+/// when one of them is undefined in all sequences. The same seed gives the same result.
 pub fn difference(pairs: &[Pair], resamples: usize, seed: u64) -> Option<Difference> {
-    let total: f64 = pairs.iter().map(|p| p.weight).sum();
-    if total <= 0.0 {
+    let total = Pair::over(pairs.iter());
+    if total.a.weight <= 0.0 || total.b.weight <= 0.0 {
         return None;
     }
-    let mean = |f: fn(&Pair) -> f64| pairs.iter().map(|p| p.weight * f(p)).sum::<f64>() / total;
     Some(Difference {
-        a: mean(|p| p.a),
-        b: mean(|p| p.b),
+        a: total.a.mean(),
+        b: total.b.mean(),
         interval: interval(pairs, resamples, &mut Pcg64::seed_from_u64(seed)),
         p: sign_flips(pairs, &mut Pcg64::seed_from_u64(seed ^ 1)),
     })
@@ -81,17 +119,10 @@ fn interval(pairs: &[Pair], resamples: usize, rng: &mut Pcg64) -> [f64; 2] {
     if pairs.iter().all(|p| p.a == p.b) {
         return [0.0; 2];
     }
-    let terms: Vec<(f64, f64)> = pairs.iter().map(|p| (p.moved(), p.weight)).collect();
     let mut draws: Vec<f64> = (0..resamples)
-        .map(|_| {
-            let (mut moved, mut weight) = (0.0, 0.0);
-            for _ in 0..n {
-                let (m, w) = terms[rng.random_range(0..n)];
-                moved += m;
-                weight += w;
-            }
-            moved / weight
-        })
+        .map(|_| Pair::over((0..n).map(|_| &pairs[rng.random_range(0..n)])).moved())
+        // Sequences in which one of the two is undefined may be all that are drawn.
+        .filter(|moved| moved.is_finite())
         .collect();
     draws.sort_unstable_by(f64::total_cmp);
     let tail = tail(n);
@@ -102,49 +133,55 @@ fn interval(pairs: &[Pair], resamples: usize, rng: &mut Pcg64) -> [f64; 2] {
 /// `Φ(-t sqrt(n / (n - 1)))` with the 97.5 % point `t` of Student's distribution.
 fn tail(n: usize) -> f64 {
     let freedom = (n - 1) as f64;
-    let reach = student_975(freedom) * (n as f64 / freedom).sqrt();
+    let reach = quantile::student_975(freedom) * (n as f64 / freedom).sqrt();
     libm::erfc(reach / std::f64::consts::SQRT_2) / 2.0
 }
 
-/// 97.5 % point of Student's t distribution, from the normal one's by the expansion of Fisher and Cornish (1960); within
-/// 1 % from two degrees of freedom on.
-fn student_975(freedom: f64) -> f64 {
-    let z = quantile::NORMAL_975;
-    let z2 = z * z;
-    let terms = [
-        (z2 + 1.0) / 4.0,
-        ((5.0 * z2 + 16.0) * z2 + 3.0) / 96.0,
-        (((3.0 * z2 + 19.0) * z2 + 17.0) * z2 - 15.0) / 384.0,
-        ((((79.0 * z2 + 776.0) * z2 + 1482.0) * z2 - 1920.0) * z2 - 945.0) / 92160.0,
-    ];
-    let series = terms.iter().rev().fold(0.0, |sum, term| (sum + term) / freedom);
-    z * (1.0 + series)
-}
-
-/// Share of the sign patterns of the sequences' differences whose sum is at least as far from 0 as the true one.
+/// Share of the patterns of exchanged pairs whose difference is at least as far from 0 as the true one. A pattern that
+/// leaves one of the two undefined counts, which can only make the share larger.
 fn sign_flips(pairs: &[Pair], rng: &mut Pcg64) -> f64 {
-    let moved: Vec<f64> = pairs.iter().map(Pair::moved).filter(|m| *m != 0.0).collect();
+    // An exchanged pair changes the sign of what its second side has more than the first.
+    let more = |p: &Pair| Side {
+        weight: p.b.weight - p.a.weight,
+        sum: p.b.sum - p.a.sum,
+    };
+    let moved: Vec<Side> = pairs.iter().map(more).filter(|m| *m != Side::default()).collect();
     let n = moved.len();
+    let total = Pair::over(pairs.iter());
+    let (weight, sum) = (total.a.weight + total.b.weight, total.a.sum + total.b.sum);
+    let difference =
+        |more: Side| (sum + more.sum) / (weight + more.weight) - (sum - more.sum) / (weight - more.weight);
     // Sums of the same numbers in another order differ in their last bits.
-    let slack = 1e-12 * moved.iter().map(|m| m.abs()).sum::<f64>();
-    let observed = moved.iter().sum::<f64>().abs() - slack;
-    let reached = |mut signs: u64, from: usize| {
-        let mut sum = 0.0;
+    let size: f64 = pairs.iter().map(|p| p.a.sum.abs() + p.b.sum.abs()).sum();
+    let observed = total.moved().abs() - 1e-12 * size / total.a.weight.min(total.b.weight);
+    let flipped = |mut signs: u64, from: usize| {
+        let mut all = Side::default();
         for m in &moved[from..n.min(from + 64)] {
-            sum += if signs & 1 == 0 { *m } else { -*m };
+            let sign = if signs & 1 == 0 { 1.0 } else { -1.0 };
+            all += Side {
+                weight: sign * m.weight,
+                sum: sign * m.sum,
+            };
             signs >>= 1;
         }
-        sum
+        all
+    };
+    let reached = |more: Side| {
+        let found = difference(more).abs();
+        found >= observed || found.is_nan()
     };
     if n <= EXACT {
         let patterns = 1u64 << n;
-        let count = (0..patterns).filter(|&s| reached(s, 0).abs() >= observed).count();
+        let count = (0..patterns).filter(|&s| reached(flipped(s, 0))).count();
         return count as f64 / patterns as f64;
     }
     let mut hits = 0;
     for drawn in 1..=MOST_FLIPS {
-        let sum: f64 = (0..n).step_by(64).map(|from| reached(rng.random(), from)).sum();
-        hits += u32::from(sum.abs() >= observed);
+        let mut more = Side::default();
+        (0..n)
+            .step_by(64)
+            .for_each(|from| more += flipped(rng.random(), from));
+        hits += u32::from(reached(more));
         if hits == ENOUGH {
             return f64::from(hits) / f64::from(drawn);
         }
@@ -175,24 +212,14 @@ mod tests {
 
     fn pairs(differences: &[f64]) -> Vec<Pair> {
         let pair = |d: &f64| Pair {
-            weight: 1.0,
-            a: 0.5,
-            b: 0.5 + d,
+            a: Side::new(1.0, 0.5),
+            b: Side::new(1.0, 0.5 + d),
         };
         differences.iter().map(pair).collect()
     }
 
     #[test]
-    fn students_points() {
-        for (freedom, t) in [
-            (2.0, 4.303),
-            (3.0, 3.182),
-            (5.0, 2.571),
-            (10.0, 2.228),
-            (30.0, 2.042),
-        ] {
-            assert!((student_975(freedom) / t - 1.0).abs() < 0.01, "{freedom}");
-        }
+    fn tails_approach_those_of_the_normal_distribution() {
         assert!((tail(100_000) - 0.025).abs() < 1e-5);
     }
 
@@ -210,14 +237,12 @@ mod tests {
     fn frames_weigh() {
         let two = [
             Pair {
-                weight: 30.0,
-                a: 0.5,
-                b: 0.9,
+                a: Side::new(30.0, 0.5),
+                b: Side::new(30.0, 0.9),
             },
             Pair {
-                weight: 10.0,
-                a: 1.0,
-                b: 1.0,
+                a: Side::new(10.0, 1.0),
+                b: Side::new(10.0, 1.0),
             },
         ];
         let d = difference(&two, 1000, 0).unwrap();
@@ -225,6 +250,24 @@ mod tests {
         assert!(!d.excludes_zero());
         assert_eq!(difference(&[], 10, 0), None);
         assert!(difference(&two[..1], 10, 0).unwrap().interval[0].is_nan());
+    }
+
+    #[test]
+    fn each_side_has_frames_of_its_own() {
+        let pair = |v: f64, a: f64, w: f64, b: f64| Pair {
+            a: Side::new(v, a),
+            b: Side::new(w, b),
+        };
+        let two = [pair(10.0, 1.0, 30.0, 1.0), pair(30.0, 0.5, 10.0, 0.5)];
+        let d = difference(&two, 1000, 0).unwrap();
+        assert_eq!((d.a, d.b), (0.625, 0.875));
+        // Exchanged in both sequences it is as large, in one of them smaller.
+        assert_eq!(d.p, 0.5);
+        // A sequence in which the second has no frames.
+        let d = difference(&[pair(10.0, 1.0, 0.0, 0.0), two[1]], 1000, 0).unwrap();
+        assert_eq!((d.a, d.b), (0.625, 0.5));
+        assert!(d.interval.iter().all(|v| v.is_finite()) && d.p > 0.0);
+        assert_eq!(difference(&[pair(10.0, 1.0, 0.0, 0.0)], 1000, 0), None);
     }
 
     #[test]

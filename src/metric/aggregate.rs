@@ -266,15 +266,16 @@ pub fn aggregate_tracker(metrics: &MetricSet, units: &[&UnitResult]) -> Results 
         .curves
         .extend(pooled.measured().map(|m| curve(ALL_DATASETS, POOLED, m, &pooled)));
 
-    let mut sequence_scores = Vec::new();
+    let mut sequence_values = Vec::new();
     for starts in units.chunk_by(|a, b| (&a.dataset, &a.sequence) == (&b.dataset, &b.sequence)) {
         let all = sample(starts);
         // Of the primary metric.
         results
             .curves
             .push(curve(&starts[0].dataset, &starts[0].sequence, 0, &all));
-        let score = all.score();
-        sequence_scores.push(score.clone());
+        let values = all.values();
+        let score = Score::new(metrics, values.clone());
+        sequence_values.push(values);
         results.sequences.extend(starts.iter().map(|unit| SequenceRow {
             tracker: tracker.clone(),
             dataset: unit.dataset.clone(),
@@ -295,14 +296,14 @@ pub fn aggregate_tracker(metrics: &MetricSet, units: &[&UnitResult]) -> Results 
         average,
         metric: *metrics.primary(),
         protocol: protocol.clone(),
-        sequences: sequence_scores.len(),
+        sequences: sequence_values.len(),
         runs: units.len(),
         failed_runs: units.iter().filter(|u| u.status.is_failed()).count(),
         score,
     };
     results.summary = vec![
         summary(Average::Pooled, pooled.score()),
-        summary(Average::SeqMean, Score::mean(metrics, &sequence_scores)),
+        summary(Average::SeqMean, Score::mean(metrics, &sequence_values)),
     ];
     results
 }

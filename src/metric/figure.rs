@@ -3,7 +3,7 @@
 //! [`FIGURES`] is the one table of them. Its rows stand for one column of result files or for several: a row `sr_T` for
 //! each of its thresholds, a row `M_mean` for each metric.
 
-use crate::metric::{Direction, Metric, MetricSet, Sample};
+use crate::metric::{Direction, Metric, MetricSet, Sample, Score};
 
 /// A figure: a column of result files.
 #[derive(Clone, Debug)]
@@ -14,8 +14,8 @@ pub struct Figure {
     pub better: Direction,
     /// What it is, and how those of sequences are joined.
     pub kind: Kind,
-    /// Whether it is a mean over the evaluated frames, so that those of sequences can be pooled.
-    pub frame_mean: bool,
+    /// The frames that it is a mean over, so that those of sequences can be pooled; `None`: it is no mean.
+    pub frame_mean: Option<MeanOver>,
     /// By how much it may get worse before the regression gate fails, where nobody says otherwise; `None`: the gate does
     /// not look at it.
     pub tolerance: Option<f64>,
@@ -34,10 +34,29 @@ impl Figure {
         (self.formula)(sample, self.metric, self.at)
     }
 
+    /// Frames of `score` that it is a mean over: what it weighs where those of sequences are pooled.
+    pub(crate) fn weight(&self, score: &Score) -> f64 {
+        match self.frame_mean {
+            None => 0.0,
+            Some(MeanOver::Evaluated) => score.frames() as f64,
+            Some(MeanOver::Tracked) if score.is_restarted() => (score.frames() - score.failures()) as f64,
+            Some(MeanOver::Tracked) => score.frames() as f64,
+        }
+    }
+
     /// Number of its metric in the set.
     pub(crate) fn metric(&self) -> usize {
         self.metric
     }
+}
+
+/// The frames that a figure is a mean over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeanOver {
+    /// All evaluated frames.
+    Evaluated,
+    /// The same, but for failures that a tracker was started anew after.
+    Tracked,
 }
 
 /// What a figure is.
@@ -80,8 +99,8 @@ pub struct Row {
     pub of: Of,
     /// The thresholds that `T` stands for, in the metric's unit.
     pub at: &'static [f64],
-    /// Whether it is a mean over the evaluated frames.
-    pub frame_mean: bool,
+    /// The frames that it is a mean over; `None`: it is no mean.
+    pub frame_mean: Option<MeanOver>,
     /// Default tolerance of the regression gate for a metric and a threshold.
     pub tolerance: fn(&Metric, f64) -> Option<f64>,
     /// Whether it is a value of the metric even when no frame has output: [`Metric::lost`].
@@ -99,7 +118,7 @@ const ROW: Row = Row {
     kind: Kind::Number,
     of: Of::All,
     at: &[],
-    frame_mean: false,
+    frame_mean: None,
     tolerance: |_, _| None,
     counts_lost: false,
     formula: |_, _, _| f64::NAN,
@@ -119,7 +138,7 @@ pub static FIGURES: [Row; 9] = [
         name: "sr_T",
         summary: "fraction of the evaluated frames with al <= T px; a frame without output is above every T",
         at: &[1.0, 2.0, 5.0, 10.0, 20.0],
-        frame_mean: true,
+        frame_mean: Some(MeanOver::Evaluated),
         tolerance: |_, t| (t == 5.0).then_some(0.01),
         formula: |s, m, t| s.success_rate(m, t),
         ..ROW
@@ -127,7 +146,7 @@ pub static FIGURES: [Row; 9] = [
     Row {
         name: "auc",
         summary: "mean of sr_T over T = 0.2, 0.4, ..., 20 px",
-        frame_mean: true,
+        frame_mean: Some(MeanOver::Evaluated),
         tolerance: |_, _| Some(0.005),
         formula: |s, m, _| s.auc(m),
         ..ROW
@@ -135,8 +154,8 @@ pub static FIGURES: [Row; 9] = [
     Row {
         name: "sr_area",
         unit: Some("px"),
-        summary: "area under sr_T from 1 to 20 px, at most 18.99",
-        frame_mean: true,
+        summary: "area under sr_T from T = 1 to 20 px, at most 19",
+        frame_mean: Some(MeanOver::Evaluated),
         formula: |s, _, _| s.sr_area(),
         ..ROW
     },
@@ -146,14 +165,14 @@ pub static FIGURES: [Row; 9] = [
         summary: "mean of metric M, each frame capped (see M); a frame without output counts as the cap",
         better: None,
         of: Of::Metric,
-        frame_mean: true,
+        frame_mean: Some(MeanOver::Tracked),
         formula: |s, m, _| s.mean(m),
         ..ROW
     },
     Row {
         name: "M_median",
         unit: None,
-        summary: "median of metric M, not capped",
+        summary: "median of metric M, not capped; a frame without output counts as infinite (as 1 for jaccard)",
         better: None,
         of: Of::Metric,
         tolerance: |m, _| m.tolerance,
@@ -232,7 +251,7 @@ impl Row {
                 better: self.better.unwrap_or(metric.better),
                 kind: self.kind,
                 // Frames with dense truth are others than those that figures are weighed by.
-                frame_mean: self.frame_mean && !metric.is_dense(),
+                frame_mean: self.frame_mean.filter(|_| !metric.is_dense()),
                 tolerance: (self.tolerance)(metric, at),
                 unit: self.unit.unwrap_or(metric.unit),
                 without_output: if self.counts_lost { metric.lost } else { f64::NAN },
@@ -302,7 +321,7 @@ mod tests {
             .map(|f| f.name.as_str())
             .collect();
         assert_eq!(gated, ["sr_5", "auc", "al_median"]);
-        assert!(set.figures().iter().all(|f| f.frame_mean
+        assert!(set.figures().iter().all(|f| f.frame_mean.is_some()
             == (f.name.starts_with("sr_")
                 || f.name == "auc"
                 || f.name.ends_with("_mean") && f.name != "grid_mean")));

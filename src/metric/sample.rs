@@ -117,15 +117,13 @@ impl Sample {
         hits as f64 / ((CURVE_POINTS - 1) * self.sorted[metric].len()) as f64
     }
 
-    /// Trapezoid area under `SR` of the alignment error over the points of `linspace(0, 20, 100)` in `[1, 20]` px:
-    /// MTF's legend number, 18.99 for a perfect tracker.
+    /// `∫ SR(t) dt` of the alignment error over `t` from 1 to 20 px, px; 19 for a perfect tracker. `SR` is a step function,
+    /// so the integral is exact: a frame of error `e` within 20 px adds `20 - max(e, 1)`, divided by the number of frames.
     pub fn sr_area(&self) -> f64 {
-        let t = |i: usize| 20.0 * i as f64 / 99.0;
-        let first = (0..100).find(|&i| t(i) >= 1.0).unwrap_or(0);
-        let twice: usize = (first..99)
-            .map(|i| self.within(PRIMARY, t(i)) + self.within(PRIMARY, t(i + 1)))
-            .sum();
-        twice as f64 / self.frames() as f64 * (20.0 / 99.0) / 2.0
+        let tracked = &self.sorted[PRIMARY][..self.within(PRIMARY, LOST_PX)];
+        // The sum of nothing would be -0.
+        let area = tracked.iter().fold(0.0, |area, e| area + (LOST_PX - e.max(1.0)));
+        area / self.frames() as f64
     }
 
     /// Mean with each frame capped at the metric's [cap](crate::metric::Metric::cap); frames without output count as the cap.
@@ -142,9 +140,10 @@ impl Sample {
         tracked.iter().sum::<f64>() / tracked.len() as f64
     }
 
-    /// Median, not capped (mean of the middle two for an even count), in which no output counts as the metric's
-    /// [`lost`](crate::metric::Metric::lost): where that is infinite, so is the median when at least half of the frames have
-    /// no output. NaN without frames.
+    /// Median, not capped (mean of the middle two for an even count), in which a frame without output counts as the
+    /// metric's [`lost`](crate::metric::Metric::lost). Where that is infinite, so is the median when at least half of the
+    /// frames have no output. A cap in its place would make no output better than an output beyond the cap. NaN without
+    /// frames.
     pub fn median(&self, metric: usize) -> f64 {
         let sign = self.sign(metric);
         let worst = sign * self.metrics.metrics()[metric].lost;
@@ -160,10 +159,14 @@ impl Sample {
         }
     }
 
+    /// The values of all figures, in the order of columns, not rounded.
+    pub(crate) fn values(&self) -> Box<[f64]> {
+        self.metrics.figures().iter().map(|f| f.of(self)).collect()
+    }
+
     /// All figures, rounded to 1e-6.
     pub fn score(&self) -> Score {
-        let figures = self.metrics.figures().iter();
-        Score::new(&self.metrics, figures.map(|f| round6(f.of(self))).collect())
+        Score::new(&self.metrics, self.values())
     }
 }
 
@@ -209,8 +212,7 @@ mod tests {
         let s = sample.score();
         let names = ["sr_1", "auc", "al_mean", "al_median", "failures"];
         assert_eq!(values(&s, names), [1.0, 1.0, 0.0, 0.0, 0.0]);
-        // linspace(0, 20, 100) from its first point at or above 1 (1.0101) to 20.
-        assert_abs_diff_eq!(s["sr_area"], 18.989899, epsilon = 1e-6);
+        assert_eq!(s["sr_area"], 19.0);
     }
 
     #[test]
@@ -234,9 +236,29 @@ mod tests {
 
     #[test]
     fn sr_area_by_hand() {
-        // Error 10: success from linspace point 50 (10.101) on; 49 full steps and half of the one before.
-        let area = score(&[Some(10.0)])["sr_area"];
-        assert_abs_diff_eq!(area, 49.5 * 20.0 / 99.0, epsilon = 1e-6);
+        // A success rate of 1 from 10 to 20 px, of 1/2 from 1 to 20 px, and none.
+        assert_eq!(score(&[Some(10.0)])["sr_area"], 10.0);
+        assert_eq!(score(&[Some(0.5), None])["sr_area"], 9.5);
+        assert_eq!(score(&[Some(20.5), None])["sr_area"], 0.0);
+    }
+
+    #[test]
+    fn sr_area_is_the_integral_from_1_to_20() {
+        let al = [
+            Some(0.3),
+            Some(1.005),
+            Some(2.75),
+            Some(7.1),
+            Some(19.99),
+            Some(21.0),
+            None,
+        ];
+        let sample = sample(&al, &[]);
+        // The midpoint rule, by the definition of the success rate alone.
+        let steps = 190_000;
+        let width = 19.0 / f64::from(steps);
+        let rates = (0..steps).map(|k| sample.success_rate(PRIMARY, 1.0 + (f64::from(k) + 0.5) * width));
+        assert_abs_diff_eq!(sample.sr_area(), rates.sum::<f64>() * width, epsilon = 2e-4);
     }
 
     #[test]
@@ -258,9 +280,20 @@ mod tests {
         assert_eq!(values(&empty, ["frames", "failures"]), [0.0, 0.0]);
         assert!(empty["sr_5"].is_nan() && empty["al_median"].is_nan() && empty["auc"].is_nan());
         // Neither drags the mean over sequences.
-        let mean = Score::mean(&MetricSet::builtin(), &[score(&[Some(0.0)]), lost, empty]);
+        let values_of = |al: &[Option<f64>]| sample(al, &[]).values();
+        let each = [&[Some(0.0)][..], &[Some(50.0), None], &[]].map(values_of);
+        let mean = Score::mean(&MetricSet::builtin(), &each);
         let names = ["frames", "sr_5", "al_tracked", "failures"];
         assert_eq!(values(&mean, names), [3.0, 0.5, 0.0, 2.0]);
+    }
+
+    #[test]
+    fn a_mean_over_sequences_is_rounded_once() {
+        let two_thirds = || sample(&[Some(0.0), Some(0.0), None], &[]).values();
+        let none = sample(&[None], &[]).values();
+        // 4/9; of 0.666667, 0.666667 and 0 the mean is 0.444445.
+        let mean = Score::mean(&MetricSet::builtin(), &[two_thirds(), two_thirds(), none]);
+        assert_eq!(mean["sr_5"], 0.444444);
     }
 
     #[test]
@@ -333,7 +366,7 @@ mod tests {
                 prop_assert!((sample.auc(metric) - mean).abs() < 1e-6);
             }
             let s = sample.score();
-            prop_assert!((0.0..=18.99).contains(&s["sr_area"]));
+            prop_assert!((0.0..=19.0).contains(&s["sr_area"]));
             prop_assert_eq!(s["failures"], s["frames"] - (s["sr_20"] * s["frames"]).round());
             let mut reversed = al.clone();
             reversed.reverse();

@@ -9,7 +9,8 @@ use std::ops::Index;
 
 /// The values of all figures of a [`MetricSet`] for a set of frames, each rounded to 1e-6. NaN: undefined (no evaluated
 /// frame; no tracked frame for `al_tracked`; no dense truth for `grid_*`; no starting anew after failures for
-/// `frames_per_failure`), empty in CSV and `null` in JSON. Infinite medians are `inf` in CSV and `null` in JSON.
+/// `frames_per_failure`), empty in CSV and `null` in JSON. Infinite medians are `inf` in CSV and, as JSON has no infinite
+/// number, `null` in JSON, where the mean beside them is defined.
 #[derive(Clone, PartialEq)]
 pub struct Score {
     metrics: MetricSet,
@@ -51,8 +52,9 @@ impl Serialize for Score {
 }
 
 impl Score {
-    /// Values in the order of the set's figures.
-    pub(crate) fn new(metrics: &MetricSet, values: Box<[f64]>) -> Score {
+    /// Values in the order of the set's figures, which are rounded here.
+    pub(crate) fn new(metrics: &MetricSet, mut values: Box<[f64]>) -> Score {
+        values.iter_mut().for_each(|value| *value = round6(*value));
         Score {
             metrics: metrics.clone(),
             values,
@@ -86,17 +88,26 @@ impl Score {
         self["failures"] as usize
     }
 
-    /// Mean of each figure over `scores` that have frames (and in which it is defined); counts are sums.
-    pub fn mean(metrics: &MetricSet, scores: &[Score]) -> Score {
-        let scored: Vec<&Score> = scores.iter().filter(|s| s.frames() > 0).collect();
+    /// Whether it is of trackers that are started anew after each failure; see
+    /// [`Sample::restarted`](crate::metric::Sample::restarted).
+    pub(crate) fn is_restarted(&self) -> bool {
+        !self["frames_per_failure"].is_nan()
+    }
+
+    /// Mean of each figure over the sequences that have frames (and in which it is defined); counts are sums. `sequences`
+    /// are what [`Sample::values`](crate::metric::Sample::values) says of each: the mean alone is rounded.
+    pub(crate) fn mean(metrics: &MetricSet, sequences: &[Box<[f64]>]) -> Score {
+        let frames = metrics.figures().iter().position(|f| f.name == "frames");
+        let scored = |values: &&Box<[f64]>| frames.is_some_and(|index| values[index] > 0.0);
+        let scored: Vec<&Box<[f64]>> = sequences.iter().filter(scored).collect();
         let figure = |(index, figure): (usize, &Figure)| {
-            let values = scored.iter().map(|s| s.values[index]);
+            let values = scored.iter().map(|values| values[index]);
             match figure.kind {
                 // The sum of nothing would be -0.
                 Kind::Count => values.fold(0.0, |sum, value| sum + value),
                 Kind::Number => {
                     let defined: Vec<f64> = values.filter(|v| !v.is_nan()).collect();
-                    round6(defined.iter().sum::<f64>() / defined.len() as f64)
+                    defined.iter().sum::<f64>() / defined.len() as f64
                 }
             }
         };

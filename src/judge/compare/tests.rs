@@ -147,6 +147,97 @@ fn protocols_are_compared_apart() {
     );
 }
 
+/// Two trackers that are started anew after failures on twelve sequences; `lost` frames of each sequence are failures.
+fn restarted(name: &str, shift: f64, lost: impl Fn(usize) -> usize) -> FinishedRun {
+    let units: Vec<UnitResult> = (0..24)
+        .map(|k| {
+            let (t, s) = (k / 12, k % 12);
+            let mut shifts = vec![Some(shift + 0.3 * s as f64); 3 + s];
+            shifts.resize(3 + s + lost(s), None);
+            let mut unit = example::unit(TRACKERS[t], &format!("s{s:02}"), &shifts);
+            unit.protocol = "reinit:20:5".to_owned();
+            unit.restarted = true;
+            unit
+        })
+        .collect();
+    run_of(name, example::of(&units))
+}
+
+#[test]
+fn figures_are_those_of_the_tables() {
+    let (a, b) = (
+        restarted("a", 1.0, |s| s % 3),
+        restarted("b", 1.4, |s| 5 * (s % 2)),
+    );
+    let table = |run: &FinishedRun, of: Average, figure: &str| {
+        run.table(TRACKERS[1], "reinit:20:5", of).unwrap()[figure]
+    };
+    for average in [Average::Pooled, Average::SeqMean] {
+        let options = Options {
+            figures: comparable(&MetricSet::builtin())
+                .into_iter()
+                .map(str::to_owned)
+                .collect(),
+            average,
+            ..Options::default()
+        };
+        let found = compare(&a, &b, &options).unwrap();
+        assert_eq!(found.changed.len(), 2);
+        for f in &found.changed[1].figures {
+            assert_eq!(
+                (f.a, f.b),
+                (table(&a, average, &f.figure), table(&b, average, &f.figure)),
+                "{}",
+                f.figure
+            );
+        }
+        // Without a sequence there is no table, but the weights stay.
+        let without = |run: &FinishedRun| {
+            let mut run = run.clone();
+            run.results.sequences.retain(|r| r.sequence != "s11");
+            run
+        };
+        let found = compare(&a, &without(&b), &options).unwrap();
+        let rows = without(&a).results.sequences;
+        let rows = rows.iter().filter(|r| r.tracker.id == TRACKERS[1]);
+        let (mut sum, mut frames) = (0.0, 0.0);
+        for row in rows {
+            let tracked = match average {
+                Average::Pooled => (row.score.frames() - row.score.failures()) as f64,
+                Average::SeqMean => 1.0,
+            };
+            sum += tracked * row.score["al_mean"];
+            frames += tracked;
+        }
+        let mut changes = found.changed[1].figures.iter();
+        let mean = changes.find(|f| f.figure == "al_mean").unwrap();
+        assert!(
+            (mean.a - sum / frames).abs() < 1e-9,
+            "{} {}",
+            mean.a,
+            sum / frames
+        );
+    }
+}
+
+#[test]
+fn trackers_are_counted_once() {
+    let run = |name: &str, shift: f64| {
+        let protocols = ["every:5", "ope", "subseq:3"];
+        let units = protocols.iter().flat_map(|p| (0..4).map(move |s| (*p, s)));
+        let units: Vec<UnitResult> = units
+            .map(|(protocol, s)| UnitResult {
+                protocol: protocol.to_owned(),
+                ..example::unit(TRACKERS[0], &format!("s{s}"), &[Some(shift), Some(1.0)])
+            })
+            .collect();
+        run_of(name, example::of(&units))
+    };
+    let found = against(&run("a", 1.0), &run("b", 2.0)).unwrap();
+    assert_eq!((found.trackers, found.trackers_changed), (1, 1));
+    assert_eq!((found.cases, found.changed.len()), (3, 3));
+}
+
 #[test]
 fn what_does_not_compare_is_refused() {
     let a = run("a", |_, _| 1.0);
