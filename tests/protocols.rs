@@ -10,6 +10,8 @@ use std::path::Path;
 
 crate::tests! {
     a_tracker_that_loses_the_object_is_started_anew;
+    fitted_truth_is_that_of_the_start;
+    a_failure_shows_the_errors_of_its_frame;
     grids_list_protocols;
 }
 
@@ -44,6 +46,144 @@ fn pooled(dir: &Path, tracker: &str, protocol: &str) -> BTreeMap<String, String>
 
 fn number(row: &BTreeMap<String, String>, column: &str) -> f64 {
     row[column].parse().unwrap()
+}
+
+/// The four corners in columns `x1` to `y4`; `None` where they are empty.
+fn corners(row: &BTreeMap<String, String>) -> Option<[[f64; 2]; 4]> {
+    let at = |k: usize| {
+        let of = |axis: &str| row[&format!("{axis}{}", k + 1)].parse().ok();
+        Some([of("x")?, of("y")?])
+    };
+    Some([at(0)?, at(1)?, at(2)?, at(3)?])
+}
+
+/// What a translation can follow, from each start: the corners of the start, moved as the mean of the corners was.
+fn fitted_truth_is_that_of_the_start() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let words = "run --seq fast --sm iclk --res 25x25 --quiet --out";
+    let run = |out: &str, more: &[&str]| {
+        program(dir)
+            .args(words.split(' '))
+            .arg(out)
+            .args(more)
+            .assert()
+            .success();
+    };
+    run("plain", &[]);
+    let protocols = [
+        "--protocol",
+        "ope,subseq:4,reinit,every:5",
+        "--ssm",
+        "translation",
+    ];
+    run("fitted", &[&protocols[..], &["--gt-ssm", "translation"]].concat());
+    let truth: Vec<_> = rows(&dir.join("plain/truth.csv"))
+        .iter()
+        .filter_map(corners)
+        .collect();
+    let fitted = |start: usize, i: usize| {
+        let mut moved = truth[start];
+        for axis in 0..2 {
+            let mean = |of: usize| truth[of].iter().map(|c| c[axis]).sum::<f64>() / 4.0;
+            moved.iter_mut().for_each(|c| c[axis] += mean(i) - mean(start));
+        }
+        moved
+    };
+    let apart = |a: [[f64; 2]; 4], b: [[f64; 2]; 4]| {
+        let squares = a
+            .iter()
+            .zip(b)
+            .map(|(a, b)| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2));
+        (squares.sum::<f64>() / 4.0).sqrt()
+    };
+    let logs = fs::read_dir(dir.join("fitted/frames"))
+        .unwrap()
+        .next()
+        .unwrap()
+        .unwrap()
+        .path();
+    let logs: Vec<_> = fs::read_dir(logs.join("builtin"))
+        .unwrap()
+        .map(|e| e.unwrap().path())
+        .collect();
+    assert_eq!(logs.len(), 4 + 2, "{logs:?}");
+    let (mut starts, mut scored) = (0, 0);
+    for path in logs {
+        let every = path.to_str().unwrap().contains("every");
+        let mut since = 0;
+        for row in rows(&path) {
+            let frame: usize = row["frame"].parse().unwrap();
+            if row["status"] == "init" {
+                since = frame;
+                starts += 1;
+                assert!(
+                    apart(corners(&row).unwrap(), truth[frame]) < 2e-6,
+                    "{path:?} {frame}"
+                );
+            } else if let Some(corners) = corners(&row) {
+                let expected = apart(corners, fitted(since, frame));
+                assert!(
+                    (number(&row, "al") - expected).abs() < 1e-5,
+                    "{path:?} {frame}: {expected} {row:?}"
+                );
+                scored += 1;
+            }
+            if every && frame > since && (frame - since).is_multiple_of(5) {
+                since = frame;
+            }
+        }
+    }
+    assert!(
+        starts >= 4 + 2 + 2 && scored > 100,
+        "{starts} starts, {scored} frames"
+    );
+    // The tables are of the same errors, whether logs are kept or not.
+    run(
+        "unkept",
+        &[
+            &protocols[..],
+            &["--gt-ssm", "translation", "--frame-logs", "none"],
+        ]
+        .concat(),
+    );
+    let read = |out: &str| fs::read_to_string(dir.join(out).join("sequences.csv")).unwrap();
+    assert_eq!(read("fitted"), read("unkept"));
+}
+
+/// The dense error of a frame in which a tracker failed is that of the points that it gave, as its alignment error is.
+fn a_failure_shows_the_errors_of_its_frame() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let words = "run --seq bending --sm iclk --res 25x25 --quiet --protocol reinit:0.5:3 --out out";
+    program(dir).args(words.split(' ')).assert().success();
+    let folder = fs::read_dir(dir.join("out/frames"))
+        .unwrap()
+        .next()
+        .unwrap()
+        .unwrap()
+        .path();
+    let log = fs::read_dir(folder.join("builtin"))
+        .unwrap()
+        .next()
+        .unwrap()
+        .unwrap()
+        .path();
+    let failed: Vec<_> = rows(&log)
+        .into_iter()
+        .filter(|r| r["status"] == "failed" && !r["al"].is_empty())
+        .collect();
+    assert!(!failed.is_empty());
+    assert!(
+        failed.iter().all(|row| number(row, "grid").is_finite()),
+        "{failed:?}"
+    );
+    // It counts as a failure all the same.
+    let row = pooled(&dir.join("out"), "iclk", "reinit:0.5:3");
+    assert!(
+        number(&row, "failures") >= failed.len() as f64 && number(&row, "grid_mean") < 20.0,
+        "{row:?}"
+    );
 }
 
 fn a_tracker_that_loses_the_object_is_started_anew() {

@@ -349,7 +349,8 @@ fn fit_truth(sequences: &mut [Sequence], registry: &Registry, name: &str) -> Res
         )));
     };
     for sequence in sequences {
-        let fitted = sequence.with_fitted_truth(|first, corners| ssm::fit_truth(model, first, corners));
+        let model = model.clone();
+        let fitted = sequence.with_fitted_truth(move |start, corners| ssm::fit_truth(&model, start, corners));
         *sequence = fitted.map_err(|(frame, e)| {
             let id = sequence_id(sequence);
             Failure::usage(format!(

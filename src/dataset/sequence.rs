@@ -21,8 +21,26 @@ pub struct Sequence {
     start: usize,
     step: usize,
     len: usize,
-    /// Ground truth in place of the whole's, per frame of the whole.
-    fitted: Option<Arc<[Option<Corners>]>>,
+    /// What stands in place of the whole's ground truth.
+    fitted: Option<Arc<Fitted>>,
+}
+
+/// `fit(start, corners)`: what a warp of a region at `start` can follow of a region that went to `corners`.
+type Fit = dyn Fn(&Corners, &Corners) -> Option<Corners> + Send + Sync;
+
+/// Ground truth that was fitted with a warp.
+struct Fitted {
+    fit: Box<Fit>,
+    /// Frame of the whole that `truth` was fitted from: the first with ground truth.
+    from: Option<usize>,
+    /// Per frame of the whole.
+    truth: Vec<Option<Corners>>,
+}
+
+impl std::fmt::Debug for Fitted {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Fitted(from {:?})", self.from)
+    }
 }
 
 /// What all selections of a sequence share.
@@ -94,26 +112,32 @@ impl Sequence {
         }
     }
 
-    /// The same frames with other ground truth: `fit(first, corners)` of each annotated frame, `first` being the first
-    /// annotation. It counts towards the [`fingerprint`](Self::fingerprint).
+    /// The same frames with ground truth that is within reach of a warp: `fit(start, corners)` of each annotated frame, with
+    /// `start` the annotation of the frame that a tracker was started on ([`truth_from`](Self::truth_from)). What it is
+    /// from the first annotation counts towards the [`fingerprint`](Self::fingerprint).
     ///
     /// # Errors
-    /// The frame for which `fit` failed, and its error.
+    /// The frame for which `fit` failed from the first annotation, and its error.
     pub fn with_fitted_truth<E>(
         &self,
-        fit: impl Fn(&Corners, &Corners) -> Result<Corners, E>,
+        fit: impl Fn(&Corners, &Corners) -> Result<Corners, E> + Send + Sync + 'static,
     ) -> Result<Self, (String, E)> {
-        let mut fitted = vec![None; self.whole.annotations.len()];
+        let mut truth = vec![None; self.whole.annotations.len()];
         let mut first = None;
         for i in 0..self.len {
-            if let Some(corners) = self.truth(i) {
-                let first = *first.get_or_insert(corners);
+            if let Some(corners) = self.annotation(i).corners() {
+                let (_, first) = *first.get_or_insert((self.index(i), corners));
                 let moved = fit(&first, &corners).map_err(|e| (self.frame_name(i).to_owned(), e))?;
-                fitted[self.index(i)] = Some(moved);
+                truth[self.index(i)] = Some(moved);
             }
         }
+        let fitted = Fitted {
+            fit: Box::new(move |start, corners| fit(start, corners).ok()),
+            from: first.map(|(index, _)| index),
+            truth,
+        };
         Ok(Sequence {
-            fitted: Some(fitted.into()),
+            fitted: Some(Arc::new(fitted)),
             ..self.clone()
         })
     }
@@ -164,12 +188,25 @@ impl Sequence {
     pub fn frame_name(&self, i: usize) -> &str {
         self.whole.frames[self.index(i)].name()
     }
-    /// Ground truth of frame `i` in image pixels, `None` when it has no corners; panics when `i >= len()`.
+    /// Ground truth of frame `i` in image pixels, `None` when it has no corners; panics when `i >= len()`. Where it is
+    /// [fitted](Self::with_fitted_truth), that of a tracker that starts on the first annotated frame.
     pub fn truth(&self, i: usize) -> Option<Corners> {
         let i = self.index(i);
         match &self.fitted {
-            Some(fitted) => fitted[i],
+            Some(fitted) => fitted.truth[i],
             None => self.whole.annotations[i].corners(),
+        }
+    }
+    /// Ground truth of frame `i` for a tracker that was started on frame `start`, px: another for each start only where it
+    /// is [fitted](Self::with_fitted_truth). On the start itself it is the annotation, which every warp reaches by not
+    /// moving. `None` as for [`truth`](Self::truth), and where nothing fits. Panics when `start` or `i >= len()`.
+    pub fn truth_from(&self, start: usize, i: usize) -> Option<Corners> {
+        match &self.fitted {
+            Some(fitted) if fitted.from != Some(self.index(start)) => {
+                let (start, corners) = (self.annotation(start).corners()?, self.annotation(i).corners()?);
+                (fitted.fit)(&start, &corners)
+            }
+            _ => self.truth(i),
         }
     }
     /// What the data says about frame `i`; panics when `i >= len()`.

@@ -32,22 +32,22 @@ impl Errors {
     /// Adds a frame with ground truth; `None` is a frame without output. A frame in which one value is not finite has no
     /// output.
     pub fn push(&mut self, tracked: Option<&Corners>, truth: &Corners) {
-        let mut finite = tracked.is_some();
-        if let Some(tracked) = tracked {
-            let values = self.metrics.frame_errors(tracked, truth);
-            let lists = self.lists.iter_mut().zip(self.metrics.metrics());
-            let lists = lists.filter(|(_, m)| !m.is_dense());
-            for ((list, _), value) in lists.zip(values) {
-                list.push(value);
-                finite &= value.is_finite();
+        match tracked {
+            Some(tracked) => {
+                let values: Vec<f64> = self.metrics.frame_errors(tracked, truth).collect();
+                self.push_values(&values);
             }
-            if !finite {
-                self.each(|list, _| {
-                    list.pop();
-                });
-            }
+            None => self.push_lost(),
         }
-        if !finite {
+    }
+
+    /// Adds a frame of which the values of the metrics that each frame has are `values`. With one that is not finite it has
+    /// no output.
+    pub fn push_values(&mut self, values: &[f64]) {
+        if values.iter().all(|value| value.is_finite()) {
+            let mut values = values.iter();
+            self.each(|list, _| list.extend(values.next()));
+        } else {
             self.push_lost();
         }
     }
@@ -62,6 +62,14 @@ impl Errors {
         let lists = self.lists.iter_mut().zip(self.metrics.metrics());
         let lists = lists.filter(|(_, m)| m.is_dense());
         lists.zip(values).for_each(|((list, _), value)| list.push(*value));
+    }
+
+    /// Adds a frame with dense ground truth and without output.
+    pub fn push_dense_lost(&mut self) {
+        let lists = self.lists.iter_mut().zip(self.metrics.metrics());
+        lists
+            .filter(|(_, m)| m.is_dense())
+            .for_each(|(list, metric)| list.push(metric.better.worst()));
     }
 
     /// Every list of the metrics that each frame has.
@@ -123,10 +131,7 @@ impl Errors {
         for row in rows {
             match row {
                 None => errors.push_lost(),
-                Some(values) if values.len() == width => {
-                    let mut values = values.iter();
-                    errors.each(|list, _| list.extend(values.next()));
-                }
+                Some(values) if values.len() == width => errors.push_values(values),
                 Some(_) => return None,
             }
         }

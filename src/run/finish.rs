@@ -12,7 +12,7 @@ use crate::report::{About, Exporters, text};
 use crate::run::error::RunError;
 use crate::store::Durable;
 use crate::store::StoreError;
-use crate::store::framelog::{parse_log, score_log, unpack_log};
+use crate::store::framelog::{score_log, unpack_log};
 use crate::store::held::ended_as;
 use crate::store::host::{build, host_name};
 use crate::store::journal::{Entry, EntryStatus, Journal, UnitTime};
@@ -108,11 +108,9 @@ impl ResultSource<'_> {
             (_, Some(_), _) => {
                 let path = self.dir.log(self.plan, unit);
                 let bytes = files::read(&path, Kind::RESULTS).map_err(|e| StoreError::io(&path, e))?;
-                let log = unpack_log(bytes)
-                    .and_then(|text| parse_log(self.metrics, &text))
-                    .map_err(|reason| damaged(path, reason))?;
-                let dense = log.dense.iter().map(|values| &**values);
-                score_log(self.metrics, log.start, log.outcomes, dense, |i| truth.at(i))
+                unpack_log(bytes)
+                    .and_then(|text| score_log(self.metrics, &text, |i| truth.at(i).is_some()))
+                    .map_err(|reason| damaged(path, reason))?
             }
             (_, None, Some(errors)) => {
                 let errors = Errors::from_rows(self.metrics, &errors, &entry.grid);

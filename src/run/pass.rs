@@ -116,6 +116,8 @@ impl<'a> Pass<'a> {
     /// Takes the next frame, from the unit's start on; returns how many frames are done by that.
     pub fn advance(&mut self, ready: &Ready, sequence: &Sequence, make: &MakeAt<'_>) -> usize {
         let (i, before) = (ready.index, self.rows.len());
+        // Of the tracker that this frame is for; another may be started on it afterwards.
+        let since = self.since;
         let annotated = sequence.truth(i).is_some();
         // Nothing would be left to track after a start on the last frame.
         let worth = i + 1 < sequence.len() || i == self.unit.start as usize;
@@ -127,7 +129,7 @@ impl<'a> Pass<'a> {
             }
             State::Starting(_) => Some(self.idle(sequence, i)),
         };
-        self.rows.extend(row);
+        self.rows.extend(row.map(|row| Row { since, ..row }));
         self.rows.len() - before
     }
 
@@ -195,7 +197,7 @@ impl<'a> Pass<'a> {
     /// Tracks one frame; none if that fails the unit.
     fn track(&mut self, ready: &Ready, sequence: &Sequence, make: &MakeAt<'_>) -> Option<Row> {
         let i = ready.index;
-        let truth = sequence.truth(i);
+        let truth = sequence.truth_from(self.since, i);
         let mut tracker = self.tracker.take()?;
         let updated = panics::catch(|| {
             if let (Some(truth), Some(analysis)) = (truth, tracker.needs_truth()) {
@@ -245,14 +247,18 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// A failure in frame `i`, whose row is `row` if there is one: ends the stretch.
+    /// A failure in frame `i`, whose row is `row` if there is one: ends the stretch. The row keeps the errors of what the
+    /// tracker gave, which are there to be seen.
     fn failure(&mut self, row: Option<Row>, skip: u32, sequence: &Sequence, i: usize) -> Row {
         self.discard();
         self.state = State::Starting(i + skip as usize);
+        let row = row.unwrap_or_else(|| Row {
+            dense: self.dense_errors(None, sequence, i, None),
+            ..Row::without_tracker(FAILED)
+        });
         Row {
             status: FAILED,
-            dense: self.dense_errors(None, sequence, i, None),
-            ..row.unwrap_or(Row::without_tracker(FAILED))
+            ..row
         }
     }
 
@@ -277,7 +283,7 @@ impl<'a> Pass<'a> {
         corners: Option<Corners>,
     ) -> Option<Box<[f64]>> {
         let (first, truth) = (sequence.dense_truth(self.since)?, sequence.dense_truth(i)?);
-        let plane = || homography::from_corners(&sequence.truth(self.since)?, &corners?);
+        let plane = || homography::from_corners(&sequence.truth_from(self.since, self.since)?, &corners?);
         let places = plane().map(|plane| {
             let told = |x: [f64; 2]| tracker.and_then(|t| t.place(x));
             let place = |&x: &[f64; 2]| told(x).unwrap_or_else(|| homography::apply(&plane, x));
@@ -303,7 +309,7 @@ fn initialise(
     ready: &Ready,
 ) -> Result<Option<Corners>, String> {
     let truth = sequence
-        .truth(ready.index)
+        .truth_from(ready.index, ready.index)
         .ok_or_else(|| format!("no ground truth in frame {} to start from", ready.index))?;
     if tracker.needs_truth().is_some()
         && let Some(i) = (ready.index..sequence.len()).find(|&i| sequence.truth(i).is_none())
@@ -332,10 +338,9 @@ fn update(tracker: &mut dyn Tracker, frame: &Frame) -> (Row, bool) {
             };
             let row = Row {
                 corners,
-                status,
                 iterations: update.iterations,
                 similarity: update.similarity,
-                dense: None,
+                ..Row::without_tracker(status)
             };
             (row, true)
         }

@@ -18,7 +18,7 @@ use crate::run::pass::{Pass, Ready};
 use crate::run::profile::{Activity, Spent};
 use crate::run::watch::{Ended, Watch};
 use crate::store::Durable;
-use crate::store::framelog::{Row, format_log, pack_log, score_log};
+use crate::store::framelog::{Row, format_log, pack_log, score_rows};
 use crate::store::host::build;
 use crate::store::journal::{Entry, EntryStatus, Finished, UnitTime};
 use crate::store::rundir::{RunDir, digest};
@@ -527,7 +527,7 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
     let plan = &context.prepared.plan;
     let path = context.dir.log(plan, unit);
     let start = unit.start as usize;
-    let truth = |i: usize| sequence.truth(i);
+    let truth = |since: usize, i: usize| sequence.truth_from(since, i);
     let ok = failed.is_none();
     let mut entry = Entry {
         key: context.keys.of(unit),
@@ -562,8 +562,7 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
         written = Some(path);
     } else {
         if ok {
-            let dense = rows.iter().filter_map(|row| row.dense.as_deref());
-            let errors = score_log(metrics, start, rows.iter().map(Row::outcome), dense, truth);
+            let errors = score_rows(metrics, &rows, start, |i| sequence.truth(i).is_some(), truth);
             (entry.errors, entry.grid) = (Some(errors.rows()), errors.dense_rows());
         }
         if logs != FrameLogs::None {

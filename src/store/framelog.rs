@@ -1,7 +1,7 @@
-//! Frame logs: the corners of every frame of a unit as CSV. Corners are all that scores are made of, so a log can be
-//! scored again at any time.
+//! Frame logs: the corners of every frame of a unit and its errors as CSV. Errors are all that scores are made of, and
+//! written as exactly as they are counted, so a log can be scored at any time.
 
-use crate::metric::{Errors, MetricSet};
+use crate::metric::{Errors, Metric, MetricSet};
 use crate::plan::FrameLogs;
 use mtf::geom::Corners;
 use ruzstd::decoding::StreamingDecoder;
@@ -18,10 +18,13 @@ pub struct Row {
     pub status: &'static str,
     /// Iterations used.
     pub iterations: u32,
-    /// Similarity of the appearance model.
+    /// Similarity of the appearance model where the search evaluated it last; see
+    /// [`Update::similarity`](mtf::tracker::Update::similarity).
     pub similarity: f64,
     /// What [`MetricSet::dense_errors`] says; `None` on frames that are not evaluated by dense truth.
     pub dense: Option<Box<[f64]>>,
+    /// Frame that the tracker was started on.
+    pub since: usize,
 }
 
 /// Status of a frame that the tracker was started on; not evaluated.
@@ -43,32 +46,40 @@ impl Row {
             iterations: 0,
             similarity: f64::NAN,
             dense: None,
+            since: 0,
         }
     }
-
-    /// How the row counts.
-    pub fn outcome(&self) -> Outcome {
-        Outcome::new(self.status, self.corners)
-    }
 }
 
-/// How a row of a log counts.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Outcome {
-    /// Not at all: a start, or a frame that was skipped.
-    None,
-    /// As a failure, with or without ground truth.
-    Failure,
-    /// By its corners, where there is ground truth.
-    Output(Option<Corners>),
+/// What a row of a log says of its frame.
+struct Outcome<'a> {
+    status: &'a str,
+    /// The tracker gave corners.
+    output: bool,
+    /// The frame has ground truth.
+    annotated: bool,
+    /// The values of the metrics that every frame has; `None` without corners or truth.
+    values: Option<&'a [f64]>,
+    /// Those of the dense metrics; `None` where the frame is not evaluated by them.
+    dense: Option<&'a [f64]>,
 }
 
-impl Outcome {
-    fn new(status: &str, corners: Option<Corners>) -> Outcome {
-        match status {
-            INIT | SKIPPED => Outcome::None,
-            FAILED => Outcome::Failure,
-            _ => Outcome::Output(corners),
+impl Outcome<'_> {
+    /// Counts the frame: not at all when the tracker was started on it or it was skipped; as one without output when it
+    /// was a failure that the tracker was started anew after, with or without ground truth; else by its errors, where
+    /// there is ground truth.
+    fn count(&self, errors: &mut Errors) {
+        match (self.status, self.values) {
+            (INIT | SKIPPED, _) => {}
+            (FAILED, _) => errors.push_lost(),
+            (_, Some(values)) => errors.push_values(values),
+            (_, None) if self.annotated && !self.output => errors.push_lost(),
+            (_, None) => {}
+        }
+        match (self.status, self.dense) {
+            (_, None) => {}
+            (FAILED, Some(_)) => errors.push_dense_lost(),
+            (_, Some(values)) => errors.push_dense(values),
         }
     }
 }
@@ -85,7 +96,8 @@ const HEAD: &str = "frame,file,status,x1,y1,x2,y2,x3,y3,x4,y4";
 /// Columns after them.
 const TAIL: &str = "iterations,similarity";
 
-/// A frame log as CSV: `rows[k]` is frame `start + k` of the sequence, `name(i)` its file, `truth(i)` its ground truth.
+/// A frame log as CSV: `rows[k]` is frame `i = start + k` of the sequence, `name(i)` its file, `truth(since, i)` its ground
+/// truth for a tracker that was started on frame `since`.
 ///
 /// Values of metrics stand in every row that has corners and ground truth, but not where the tracker was started. The
 /// columns of dense metrics are the last, and there for sequences with dense truth only.
@@ -94,7 +106,7 @@ pub fn format_log<'a>(
     rows: &[Row],
     start: usize,
     name: impl Fn(usize) -> String,
-    truth: impl Fn(usize) -> Option<Corners> + 'a,
+    truth: impl Fn(usize, usize) -> Option<Corners> + 'a,
 ) -> Vec<u8> {
     use std::fmt::Write as _;
     let mut out = String::with_capacity(160 * rows.len() + 80);
@@ -118,7 +130,7 @@ pub fn format_log<'a>(
             }),
             None => out.push_str(",,,,,,,,"),
         }
-        match (row.corners, truth(frame)) {
+        match (row.corners, truth(row.since, frame)) {
             (Some(corners), Some(truth)) if row.status != INIT => {
                 metrics.frame_errors(&corners, &truth).for_each(|e| {
                     let _ = write!(out, ",{e:.6}");
@@ -176,85 +188,92 @@ pub fn unpack_log(bytes: Vec<u8>) -> Result<Vec<u8>, String> {
     Ok(text)
 }
 
-/// What a frame log holds that scores are made of.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FrameLog {
-    /// Frame of the first row.
-    pub start: usize,
-    /// What each frame counts as.
-    pub outcomes: Vec<Outcome>,
-    /// The values of the dense metrics, of each frame that has such truth.
-    pub dense: Vec<Box<[f64]>>,
-}
-
-/// Reads a log written by [`format_log`].
+/// Errors of the evaluated frames of a log written by [`format_log`]: those with ground truth that the tracker was not
+/// started on, and all failures, which count as without output; and of those with dense truth. `annotated(i)`: frame `i` has
+/// ground truth.
 ///
 /// # Errors
 /// What is wrong with the text.
-pub fn parse_log(metrics: &MetricSet, bytes: &[u8]) -> Result<FrameLog, String> {
-    let mut reader = csv::ReaderBuilder::new().has_headers(true).from_reader(bytes);
+pub fn score_log(
+    metrics: &MetricSet,
+    text: &[u8],
+    annotated: impl Fn(usize) -> bool,
+) -> Result<Errors, String> {
+    let mut reader = csv::ReaderBuilder::new().has_headers(true).from_reader(text);
     let headers = reader.byte_headers().map_err(|e| e.to_string())?;
     if headers.iter().nth(3) != Some(b"x1") || headers.iter().next() != Some(b"frame") {
         return Err("unknown columns".into());
     }
-    let column = |name: &str| headers.iter().position(|h| h == name.as_bytes());
+    let column = |metric: &Metric| headers.iter().position(|h| h == metric.name.as_bytes());
+    let of_every_frame: Vec<usize> = metrics.of_every_frame().filter_map(column).collect();
+    if of_every_frame.len() != metrics.of_every_frame().count() {
+        return Err("metrics are missing".into());
+    }
     // All of them or none.
-    let columns: Vec<usize> = metrics.dense().filter_map(|m| column(m.name)).collect();
-    if !columns.is_empty() && columns.len() != metrics.dense().count() {
+    let of_dense: Vec<usize> = metrics.dense().filter_map(column).collect();
+    if !of_dense.is_empty() && of_dense.len() != metrics.dense().count() {
         return Err("dense metrics are missing".into());
     }
+    let mut errors = Errors::new(metrics);
     let mut record = csv::StringRecord::new();
-    let (mut start, mut outcomes, mut dense) = (None, Vec::new(), Vec::new());
-    let number = |field: &str| field.parse().map_err(|_| format!("bad number {field:?}"));
+    let (mut values, mut dense, mut rows) = (Vec::new(), Vec::new(), 0);
     while reader.read_record(&mut record).map_err(|e| e.to_string())? {
-        if start.is_none() {
-            start = Some(
-                record[0]
-                    .parse()
-                    .map_err(|_| format!("bad frame number {:?}", &record[0]))?,
-            );
-        }
-        let mut values = [0.0; 8];
-        let mut present = true;
-        for (value, field) in values.iter_mut().zip(record.iter().skip(3)) {
-            match field {
-                "" => present = false,
-                field => *value = number(field)?,
+        let frame = record[0]
+            .parse()
+            .map_err(|_| format!("bad frame number {:?}", &record[0]))?;
+        let filled = |columns: &[usize]| columns.iter().any(|&at| !record[at].is_empty());
+        let read = |columns: &[usize], into: &mut Vec<f64>| -> Result<bool, String> {
+            into.clear();
+            if !filled(columns) {
+                return Ok(false);
             }
-        }
-        let corners = present.then(|| Corners::from_array(values));
-        outcomes.push(Outcome::new(&record[2], corners));
-        if columns.iter().any(|&at| !record[at].is_empty()) {
-            let values = columns.iter().map(|&at| number(&record[at]));
-            dense.push(values.collect::<Result<_, _>>()?);
-        }
+            for &at in columns {
+                let value = record[at].parse();
+                into.push(value.map_err(|_| format!("bad number {:?}", &record[at]))?);
+            }
+            Ok(true)
+        };
+        let (scored, scored_densely) = (read(&of_every_frame, &mut values)?, read(&of_dense, &mut dense)?);
+        let outcome = Outcome {
+            status: &record[2],
+            output: !record[3].is_empty(),
+            annotated: annotated(frame),
+            values: scored.then_some(values.as_slice()),
+            dense: scored_densely.then_some(dense.as_slice()),
+        };
+        outcome.count(&mut errors);
+        rows += 1;
     }
-    let start = start.ok_or("no rows")?;
-    Ok(FrameLog {
-        start,
-        outcomes,
-        dense,
-    })
+    match rows {
+        0 => Err("no rows".into()),
+        _ => Ok(errors),
+    }
 }
 
-/// Errors of the evaluated frames of a log, of which the first is frame `start`: those with ground truth that the tracker
-/// was not started on, and all failures, which count as without output; and of those with dense truth.
-pub fn score_log<'a>(
+/// What [`score_log`] says of the log of `rows`, of which the first is frame `start`, with `truth` as for [`format_log`].
+pub fn score_rows(
     metrics: &MetricSet,
+    rows: &[Row],
     start: usize,
-    outcomes: impl IntoIterator<Item = Outcome>,
-    dense: impl IntoIterator<Item = &'a [f64]>,
-    truth: impl Fn(usize) -> Option<Corners>,
+    annotated: impl Fn(usize) -> bool,
+    truth: impl Fn(usize, usize) -> Option<Corners>,
 ) -> Errors {
     let mut errors = Errors::new(metrics);
-    for (frame, outcome) in (start..).zip(outcomes) {
-        match (outcome, truth(frame)) {
-            (Outcome::None, _) | (Outcome::Output(_), None) => {}
-            (Outcome::Failure, _) => errors.push_lost(),
-            (Outcome::Output(corners), Some(truth)) => errors.push(corners.as_ref(), &truth),
-        }
+    for (frame, row) in (start..).zip(rows) {
+        let truth = row
+            .corners
+            .and_then(|corners| Some((corners, truth(row.since, frame)?)));
+        let values: Option<Vec<f64>> =
+            truth.map(|(corners, truth)| metrics.frame_errors(&corners, &truth).collect());
+        let outcome = Outcome {
+            status: row.status,
+            output: row.corners.is_some(),
+            annotated: annotated(frame),
+            values: values.as_deref(),
+            dense: row.dense.as_deref(),
+        };
+        outcome.count(&mut errors);
     }
-    dense.into_iter().for_each(|values| errors.push_dense(values));
     errors
 }
 
@@ -265,28 +284,26 @@ mod tests {
 
     proptest! {
         #[test]
-        fn logs_come_back_exactly(values in prop::collection::vec(prop::array::uniform8(-1e5f64..1e5), 1..8), start in 0usize..5) {
+        fn logs_score_exactly_as_their_rows(values in prop::collection::vec(prop::array::uniform8(-1e5f64..1e5), 1..8), start in 0usize..5) {
             let rows: Vec<Row> = values
                 .iter()
                 .map(|v| Row {
                     corners: round_corners(&Corners::from_array(*v)),
-                    status: "ok",
+                    status: if v[2] > 5e4 { FAILED } else { "ok" },
                     iterations: 3,
                     similarity: v[0],
                     dense: (v[1] > 0.0).then(|| [(v[1] * 1e6).round() / 1e6].into()),
+                    since: usize::from(v[3] > 0.0),
                 })
                 .collect();
+            let metrics = MetricSet::builtin();
             let name = |i: usize| format!("frame,{i}.jpg");
-            let truth = |i: usize| (i.is_multiple_of(2)).then(|| Corners::rect(0.0, 0.0, 9.0, 9.0));
-            let text = format_log(&MetricSet::builtin(), &rows, start, name, truth);
+            let annotated = |i: usize| i.is_multiple_of(2);
+            let truth = |since: usize, i: usize| annotated(i).then(|| Corners::rect(since as f64, 0.0, 9.0, 9.0));
+            let text = format_log(&metrics, &rows, start, name, truth);
             prop_assert_eq!(&unpack_log(pack_log(text.clone(), FrameLogs::Zst)).unwrap(), &text);
-            let log = parse_log(&MetricSet::builtin(), &text).unwrap();
-            prop_assert_eq!(log.start, start);
-            prop_assert_eq!(log.dense, rows.iter().filter_map(|r| r.dense.clone()).collect::<Vec<_>>());
-            for (row, read) in rows.iter().zip(&log.outcomes) {
-                let Outcome::Output(Some(read)) = read else { panic!("{read:?}") };
-                prop_assert_eq!(row.corners.unwrap().to_array().map(f64::to_bits), read.to_array().map(f64::to_bits));
-            }
+            let scored = score_rows(&metrics, &rows, start, annotated, truth);
+            prop_assert_eq!(score_log(&metrics, &text, annotated).unwrap(), scored);
         }
     }
 
@@ -309,14 +326,11 @@ mod tests {
             row(BROKEN, None),
             row(FAILED, None),
         ];
-        let truth = |i: usize| (i != 3 && i != 8).then_some(here);
-        let text = format_log(&MetricSet::builtin(), &rows, 0, |i| i.to_string(), truth);
-        let log = parse_log(&MetricSet::builtin(), &text).unwrap();
-        let errors = score_log(&metrics, log.start, log.outcomes, [], truth);
-        assert_eq!(
-            errors,
-            score_log(&metrics, 0, rows.iter().map(Row::outcome), [], truth)
-        );
+        let annotated = |i: usize| i != 3 && i != 8;
+        let truth = |_: usize, i: usize| annotated(i).then_some(here);
+        let text = format_log(&metrics, &rows, 0, |i| i.to_string(), truth);
+        let errors = score_log(&metrics, &text, annotated).unwrap();
+        assert_eq!(errors, score_rows(&metrics, &rows, 0, annotated, truth));
         let lost = f64::INFINITY;
         assert_eq!(errors.list(0), [lost, 0.0, lost, lost, lost]);
         // The error that made a frame a failure is there to be seen.
@@ -328,11 +342,29 @@ mod tests {
     }
 
     #[test]
+    fn failures_show_their_dense_error_and_count_as_lost() {
+        let metrics = MetricSet::builtin();
+        let here = Corners::rect(1.0, 2.0, 30.0, 40.0);
+        let row = |status, dense: f64| Row {
+            corners: Some(here),
+            dense: Some([dense].into()),
+            ..Row::without_tracker(status)
+        };
+        let rows = [row("ok", 0.5), row(FAILED, 30.0)];
+        let truth = |_: usize, _: usize| Some(here);
+        let text = format_log(&metrics, &rows, 1, |i| i.to_string(), truth);
+        let errors = score_log(&metrics, &text, |_| true).unwrap();
+        assert_eq!(errors.list(4), [0.5, f64::INFINITY]);
+        assert_eq!(errors, score_rows(&metrics, &rows, 1, |_| true, truth));
+        assert!(String::from_utf8(text).unwrap().ends_with(",30.000000\n"));
+    }
+
+    #[test]
     fn damaged_logs_are_told() {
         let metrics = MetricSet::builtin();
-        let parse_log = |text: &[u8]| parse_log(&metrics, text);
-        assert!(parse_log(b"").is_err());
-        assert!(parse_log(b"a,b,c\n1,2,3\n").is_err());
+        let score_log = |text: &[u8]| score_log(&metrics, text, |_| true);
+        assert!(score_log(b"").is_err());
+        assert!(score_log(b"a,b,c\n1,2,3\n").is_err());
         let good = format_log(
             &metrics,
             &[Row {
@@ -341,9 +373,9 @@ mod tests {
             }],
             0,
             |_| "f".into(),
-            |_| None,
+            |_, _| None,
         );
-        assert!(parse_log(&good).is_ok());
-        assert!(parse_log(&good[..good.len() - 12]).is_err());
+        assert!(score_log(&good).is_ok());
+        assert!(score_log(&good[..good.len() - 12]).is_err());
     }
 }

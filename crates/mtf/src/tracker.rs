@@ -25,7 +25,8 @@ pub struct Update {
     pub stop: Stop,
     /// Iterations used.
     pub iterations: u32,
-    /// Similarity `f` of the appearance model at the last evaluated location (larger is better).
+    /// Similarity `f` of the appearance model where the search evaluated it last (larger is better): for gradient searches
+    /// before their last step, not at `corners`, which would take another sampling of the image.
     pub similarity: f64,
 }
 
