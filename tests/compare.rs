@@ -113,8 +113,8 @@ fn figures_are_those_of_the_tables() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     write_data(&dir.join("data"), &[9, 7, 12]);
-    // Failures from a third of a pixel on: trackers differ in the number of their frames.
-    let protocols = "ope,subseq:2,reinit:0.3:1,every:2";
+    // Failures from 4 px on: trackers differ in the number of their frames.
+    let protocols = "ope,subseq:2,reinit:4:1,every:2";
     for (out, seed) in [("a", "0"), ("b", "1")] {
         let pf = [
             "--sm",
@@ -144,7 +144,7 @@ fn figures_are_those_of_the_tables() {
                 rows.find(wanted).unwrap().clone()
             };
             let [a, b] = [of(&tables[0]), of(&tables[1])];
-            if change["protocol"] == "reinit:0.3:1" {
+            if change["protocol"] == "reinit:4:1" {
                 assert_ne!((&a["frames"], &a["failures"]), (&b["frames"], &b["failures"]));
             }
             for figure in change["figures"].as_array().unwrap() {

@@ -109,13 +109,33 @@ fn basins_are_measured_and_repeat() {
     assert_eq!(one, basin("2"));
     let rows: Vec<Vec<&str>> = one.lines().skip(1).map(|l| l.split(',').collect()).collect();
     assert_eq!(rows.len(), 4, "{one}");
+    let header = one.lines().next().unwrap();
+    assert!(header.ends_with("sigma50,threshold,perturbed_by"), "{header}");
     for row in &rows {
+        assert_eq!(row[9..], ["1", "homography"], "{row:?}");
         let [rate, low, high]: [f64; 3] = std::array::from_fn(|k| row[4 + k].parse().unwrap());
         assert!(row[3] == "32" && low <= rate && rate <= high, "{row:?}");
         assert_eq!(rate > 0.95, row[2] == "2", "{row:?}");
     }
+    // One threshold for every kind of search, and the warps that each can follow.
+    let words = "basin --tracker nn/ssd/translation{n_samples=50} --tracker esm/ssd/translation --side 120 --sigma 2 \
+                 --trials 4 --threshold 2.5 -q --format csv";
+    let done = program(dir.path())
+        .args(words.split(' ').filter(|w| !w.is_empty()))
+        .assert()
+        .success();
+    let text = String::from_utf8(done.get_output().stdout.clone()).unwrap();
+    assert_eq!(text.matches(",2.5,translation\n").count(), 2, "{text}");
+    let mut command = program(dir.path());
+    let done = command
+        .args(words.split(' ').filter(|w| !w.is_empty()))
+        .args(["--perturb", "homography"]);
+    done.assert()
+        .success()
+        .stdout(contains(",2.5,homography\n").count(2));
     for (args, message) in [
         (&["--sigma", "0"][..], "numbers above 0"),
+        (&["--threshold", "0"], "numbers above 0"),
         (&["missing.png"], "missing.png"),
         (&["."], "no images in this folder"),
         (&["--trials", "0"], "no trial"),

@@ -8,7 +8,7 @@ use super::program::Program;
 use super::signals::stop_on_signals;
 use crate::dataset::decode;
 use crate::files;
-use crate::measure::basin::{self, BasinRequest, BasinRow, Texture};
+use crate::measure::basin::{self, BasinRequest, BasinRow, Perturb, Texture};
 use crate::report::{Format, render};
 use crate::run::pool;
 use crate::synth::texture::TEXTURES;
@@ -24,9 +24,9 @@ const DRAWING: u64 = 1;
 
 /// Measure the basin of convergence: start trackers away from the truth and count how often they find it
 ///
-/// Each image is warped by a homography that moves the corners of a box in its middle by Gaussian noise; the tracker starts
-/// on the unmoved box. It has converged when it is within 1 px of the moved corners (5 px for pure nn and pf) after a few
-/// updates.
+/// Each image is warped such that the corners of a box in its middle move by Gaussian noise; the tracker starts on the
+/// unmoved box. It has converged when it is within --threshold of the moved corners after a few updates. Intervals of rows
+/// over several images are for other images.
 #[derive(clap::Args, Debug)]
 pub struct BasinArgs {
     /// Images, or folders of images [default: textures drawn by the program]
@@ -52,9 +52,18 @@ pub struct BasinArgs {
     /// Updates on each warped image
     #[arg(long, value_name = "N", default_value_t = 3, help_heading = "Experiment")]
     pub updates: usize,
-    /// Mean corner distance of a converged tracker, px [default: 1, and 5 for pure nn and pf]
-    #[arg(long, value_name = "PX", help_heading = "Experiment")]
-    pub within: Option<f64>,
+    /// Mean corner distance of a converged tracker, px; the same for all
+    #[arg(long, value_name = "PX", default_value_t = BasinRequest::THRESHOLD, help_heading = "Experiment")]
+    pub threshold: f64,
+    /// The warps of images: those of each tracker's own state space model, or homographies for all
+    #[arg(
+        long,
+        value_enum,
+        value_name = "WARPS",
+        default_value = "own",
+        help_heading = "Experiment"
+    )]
+    pub perturb: PerturbArg,
     /// Seed of warps and trackers
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Experiment")]
     pub seed: u64,
@@ -69,30 +78,30 @@ pub struct BasinArgs {
     pub format: Format,
 }
 
+/// What images are warped by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum PerturbArg {
+    /// Warps of the tracker's own state space model
+    Own,
+    /// Homographies
+    Homography,
+}
+
 /// Runs the command.
 ///
 /// # Errors
 /// Wrong arguments, unreadable images, a tracker that cannot start, or stopped early.
 pub fn run(args: &BasinArgs, program: &Program) -> Outcome {
     let (registry, console) = (&program.catalogue.registry, &program.console);
-    let stochastic = |sm: &str| {
-        registry
-            .sms()
-            .iter()
-            .any(|e| e.name == sm && e.groups.contains(&"stochastic"))
+    let entries = trackers(&args.trackers, program)?;
+    let perturb = match args.perturb {
+        PerturbArg::Own => Perturb::Own,
+        PerturbArg::Homography => Perturb::Homography,
     };
-    let entries = trackers(&args.trackers, program)?.into_iter().map(|entry| {
-        let usual = if stochastic(&entry.name.sm) {
-            5.0
-        } else {
-            BasinRequest::WITHIN
-        };
-        (entry, args.within.unwrap_or(usual))
-    });
     let positive = |v: &f64| v.is_finite() && *v > 0.0;
-    if !(positive(&args.side) && args.sigma.iter().chain(&args.within).all(positive)) {
+    if !(positive(&args.side) && positive(&args.threshold) && args.sigma.iter().all(positive)) {
         return Err(Failure::usage(
-            "--side, --sigma and --within take numbers above 0",
+            "--side, --sigma and --threshold take numbers above 0",
         ));
     }
     let mut sigmas = args.sigma.clone();
@@ -102,14 +111,14 @@ pub fn run(args: &BasinArgs, program: &Program) -> Outcome {
     sigmas.sort_by(f64::total_cmp);
     sigmas.dedup();
     let request = BasinRequest {
-        trackers: entries.collect(),
-        textures: textures(&args.images)?,
+        threshold: args.threshold,
         sigmas,
         trials: args.trials,
         side: args.side,
         updates: args.updates,
         pre: filter(&args.trackers)?,
         seed: args.seed,
+        ..BasinRequest::new(registry, entries, perturb, textures(&args.images)?)
     };
     let pool = pool(args.threads.unwrap_or(0), &|text| console.warn(text))?;
     let stop = stop_on_signals()?;
@@ -136,6 +145,8 @@ pub fn run(args: &BasinArgs, program: &Program) -> Outcome {
                 format!("{high:.4}"),
                 last,
                 half.clone(),
+                request.threshold.to_string(),
+                row.warp.clone(),
             ]
         }));
     }
@@ -149,6 +160,8 @@ pub fn run(args: &BasinArgs, program: &Program) -> Outcome {
         "high95",
         "distance",
         "sigma50",
+        "threshold",
+        "perturbed_by",
     ];
     print(&render(&header, &lines, args.format, console.table_colour))?;
     Ok(ExitCode::SUCCESS)

@@ -1,19 +1,27 @@
 //! The static convergence experiment (Baker & Matthews 2004): how far from the truth may a tracker start?
 //!
-//! An image is warped by the homography that moves each corner of a box by Gaussian noise of standard deviation σ; the
-//! tracker, which knows the box in the unwarped image, starts there. It has converged when it is within a threshold
-//! of the moved corners after a few updates on the warped image. All trackers see the same warps.
+//! An image is warped by what moves each corner of a box by Gaussian noise of standard deviation σ; the tracker, which knows
+//! the box in the unwarped image, starts there. It has converged when it is within a threshold of the moved corners after a
+//! few updates on the warped image. All trackers of one state space model see the same warps.
+//!
+//! A tracker is perturbed by warps that its own state space model has ([`Perturb::Own`]): it cannot reach others, however
+//! well it searches. The noise is fitted with the model, and is larger in models of less freedom, so that σ means the same
+//! in all: the mean square of the corners' displacement is `8 σ²` over the eight coordinates.
 
-use crate::metric::quantile::NORMAL_975;
+use crate::metric::quantile::{NORMAL_975, student_975};
 use crate::plan::{RunRequest, TrackerEntry, derived_seed, usual_filter};
 use mtf::geom::{Corners, Mat3, homography};
 use mtf::image::{Frame, Image, PreProcessor};
+use mtf::params::Resolution;
+use mtf::registry::Registry;
+use mtf::ssm::{self, SsmEntry};
 use mtf::tracker::{Tracker, afford};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use serde::Serialize;
+use serde_json::Value;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -26,11 +34,23 @@ pub struct Texture {
     pub image: Image,
 }
 
+/// The warps that images are perturbed by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Perturb {
+    /// Those of each tracker's state space model; homographies where it is none of fewer than 8 parameters.
+    #[default]
+    Own,
+    /// Homographies, for all trackers.
+    Homography,
+}
+
 /// What is tried.
 #[derive(Clone)]
 pub struct BasinRequest {
-    /// The trackers, with the distance of a converged one, px.
-    pub trackers: Vec<(TrackerEntry, f64)>,
+    /// The trackers, with the model of the warps that they are perturbed by; `None`: homographies.
+    pub trackers: Vec<(TrackerEntry, Option<SsmEntry>)>,
+    /// Mean corner distance of a converged tracker, px: the same for all, whose rates could not be compared otherwise.
+    pub threshold: f64,
     /// The images.
     pub textures: Vec<Texture>,
     /// Standard deviations of each coordinate of each corner, px.
@@ -48,15 +68,25 @@ pub struct BasinRequest {
 }
 
 impl BasinRequest {
-    /// Mean corner distance of a converged tracker unless told otherwise, px.
-    pub const WITHIN: f64 = 1.0;
+    /// Mean corner distance of a converged tracker unless told otherwise, px: that of Baker & Matthews.
+    pub const THRESHOLD: f64 = 1.0;
 
-    /// `trackers`, converged within [`WITHIN`](Self::WITHIN), on `textures`, with the program's defaults: 500 warps for
-    /// each of the usual sigmas, a box of 200 px, 3 updates, the usual filter, seed 0.
-    pub fn new(trackers: Vec<TrackerEntry>, textures: Vec<Texture>) -> BasinRequest {
+    /// `trackers` of `registry` on `textures`, with the program's defaults: 500 warps for each of the usual sigmas, a box of
+    /// 200 px, 3 updates, converged within [`THRESHOLD`](Self::THRESHOLD), the usual filter, seed 0.
+    pub fn new(
+        registry: &Registry,
+        trackers: Vec<TrackerEntry>,
+        perturb: Perturb,
+        textures: Vec<Texture>,
+    ) -> BasinRequest {
         let side = 200.0;
+        let model = |tracker: &TrackerEntry| match perturb {
+            Perturb::Own => own_model(registry, &tracker.name.ssm, &tracker.parameters),
+            Perturb::Homography => None,
+        };
         BasinRequest {
-            trackers: trackers.into_iter().map(|t| (t, BasinRequest::WITHIN)).collect(),
+            trackers: trackers.into_iter().map(|t| (t.clone(), model(&t))).collect(),
+            threshold: BasinRequest::THRESHOLD,
             textures,
             sigmas: usual_sigmas(side),
             trials: 500,
@@ -66,6 +96,22 @@ impl BasinRequest {
             seed: 0,
         }
     }
+}
+
+/// The model of a tracker with the parameters `parameters` and the state space model `ssm` (empty for composites: then
+/// that of a composite's own warp, or of its last member).
+fn own_model(registry: &Registry, ssm: &str, parameters: &Value) -> Option<SsmEntry> {
+    let named = Some(ssm).filter(|name| !name.is_empty());
+    if let Some(name) = named.or_else(|| parameters["ssm"].as_str()) {
+        return registry
+            .ssms()
+            .iter()
+            .find(|entry| entry.is_called(name))
+            .cloned();
+    }
+    let last = parameters["members"].as_array()?.last()?;
+    let spec = registry.parse(last["tracker"].as_str()?).ok()?;
+    own_model(registry, spec.parts().2, &last["parameters"])
 }
 
 /// Powers of the square root of 2, rounded to whole numbers, from 1 px to a quarter of the box's side.
@@ -85,6 +131,8 @@ pub struct BasinRow {
     pub tracker: String,
     /// Image; `pooled` for all.
     pub texture: String,
+    /// State space model of the warps that it was perturbed by.
+    pub warp: String,
     /// Standard deviation of the perturbation, px.
     pub sigma: f64,
     /// Warps tried.
@@ -93,6 +141,8 @@ pub struct BasinRow {
     pub converged: usize,
     /// Mean corner distance after each update over those it converged from, px; empty when there are none.
     pub distance: Vec<f64>,
+    /// Rate of each image; of one image nothing.
+    pub rates: Vec<f64>,
 }
 
 impl BasinRow {
@@ -101,14 +151,35 @@ impl BasinRow {
         self.converged as f64 / self.trials as f64
     }
 
-    /// 95 % interval of the rate (Wilson 1927).
+    /// 95 % interval of the rate: of one image for other warps of it (Wilson 1927), of several for other images.
+    ///
+    /// Warps of an image are no independent trials of what images are like. With `s²` the variance of the rates `r_i` of `k`
+    /// images, the mean varies by `s² / k`, as that of `p (1 - p) k / s²` independent trials would (no more than there
+    /// were). As `s²` is of few images, the interval reaches as far as Student's distribution with `k - 1` degrees of
+    /// freedom says (Korn & Graubard 1998).
     pub fn interval(&self) -> [f64; 2] {
-        const Z: f64 = NORMAL_975;
-        let (n, p) = (self.trials as f64, self.rate());
-        let centre = (p + Z * Z / (2.0 * n)) / (1.0 + Z * Z / n);
-        let half = Z / (1.0 + Z * Z / n) * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();
-        [(centre - half).max(0.0), (centre + half).min(1.0)]
+        let (n, p, k) = (self.trials as f64, self.rate(), self.rates.len() as f64);
+        if k < 2.0 {
+            return wilson(p, n);
+        }
+        let mean = self.rates.iter().sum::<f64>() / k;
+        let variance = self.rates.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / (k - 1.0);
+        // Where all rates are 0 or 1, they do not say how much images differ.
+        let effective = if variance > 0.0 {
+            (p * (1.0 - p) * k / variance).min(n)
+        } else {
+            n
+        };
+        wilson(p, effective * (NORMAL_975 / student_975(k - 1.0)).powi(2))
     }
+}
+
+/// 95 % interval of a rate `p` of `n` trials (Wilson 1927).
+fn wilson(p: f64, n: f64) -> [f64; 2] {
+    const Z: f64 = NORMAL_975;
+    let centre = (p + Z * Z / (2.0 * n)) / (1.0 + Z * Z / n);
+    let half = Z / (1.0 + Z * Z / n) * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();
+    [(centre - half).max(0.0), (centre + half).min(1.0)]
 }
 
 /// Name of the rows over all images.
@@ -167,17 +238,63 @@ const LEAST: usize = 40;
 /// Least area of a moved box relative to the box: less is no view of it.
 const FOLDED: f64 = 0.05;
 
-/// Warps per sigma and image: the moved corners. The same for every tracker.
-fn perturbed(base: &Corners, sigma: f64, rng: &mut Pcg64) -> Corners {
-    loop {
-        let moved = Corners(base.0.map(|c| {
-            c.map(|v| {
-                let z: f64 = StandardNormal.sample(rng);
-                v + sigma * z
-            })
-        }));
-        if moved.is_convex() && moved.signed_area() > FOLDED * base.signed_area() {
-            return moved;
+/// Parameters of a homography, and coordinates of four corners.
+const FULL: usize = 8;
+
+/// Warps to perturb images by.
+#[derive(Clone)]
+struct Warps {
+    name: &'static str,
+    /// What the moved corners are fitted with; not with a homography, which reaches all.
+    model: Option<SsmEntry>,
+    /// What noise is multiplied by. A fit with `d` parameters keeps the share `d / 8` of its mean square.
+    gain: f64,
+}
+
+impl Warps {
+    /// Those of `model`; homographies without one, and where it has as many parameters.
+    fn new(model: Option<&SsmEntry>) -> Result<Warps, String> {
+        if let Some(entry) = model {
+            let mut started = (entry.build)(&[]).map_err(|e| e.to_string())?;
+            // Some have parameters for each point of a region, and none before they have one.
+            let region = Corners::rect(0.0, 0.0, 100.0, 100.0);
+            let res = Resolution { cols: 2, rows: 2 };
+            started.init(&region, res).map_err(|e| e.to_string())?;
+            let dof = started.dof();
+            if dof < FULL {
+                return Ok(Warps {
+                    name: entry.name,
+                    model: Some(entry.clone()),
+                    gain: (FULL as f64 / dof as f64).sqrt(),
+                });
+            }
+        }
+        Ok(Warps {
+            name: "homography",
+            model: None,
+            gain: 1.0,
+        })
+    }
+
+    /// The corners of `base` moved by one of them. The same for every tracker.
+    fn perturbed(&self, base: &Corners, sigma: f64, rng: &mut Pcg64) -> Corners {
+        loop {
+            let moved = Corners(base.0.map(|c| {
+                c.map(|v| {
+                    let z: f64 = StandardNormal.sample(rng);
+                    v + self.gain * sigma * z
+                })
+            }));
+            let moved = match &self.model {
+                None => Some(moved),
+                Some(model) => ssm::fit_truth(model, base, &moved).ok(),
+            };
+            if let Some(moved) = moved
+                && moved.is_convex()
+                && moved.signed_area() > FOLDED * base.signed_area()
+            {
+                return moved;
+            }
         }
     }
 }
@@ -210,6 +327,7 @@ fn warped(image: &Image, to_source: &Mat3) -> Image {
 /// A tracker on one image.
 struct Subject<'a> {
     entry: &'a TrackerEntry,
+    warps: &'a Warps,
     threshold: f64,
     tracker: Box<dyn Tracker>,
     row: BasinRow,
@@ -264,6 +382,20 @@ pub fn run(
             return Err(BasinError::Nothing(what));
         }
     }
+    let warps: Vec<Warps> = request
+        .trackers
+        .iter()
+        .map(|(entry, model)| {
+            Warps::new(model.as_ref()).map_err(|reason| BasinError::Start {
+                tracker: entry.name.id.clone(),
+                texture: request.textures[0].name.clone(),
+                reason,
+            })
+        })
+        .collect::<Result<_, _>>()?;
+    let mut kinds: Vec<&Warps> = warps.iter().collect();
+    kinds.sort_by_key(|w| w.name);
+    kinds.dedup_by_key(|w| w.name);
     let mut rows: Vec<BasinRow> = Vec::new();
     let steps = (request.textures.len() * request.sigmas.len()) as f64;
     for (t, texture) in request.textures.iter().enumerate() {
@@ -282,7 +414,8 @@ pub fn run(
         let mut subjects: Vec<Subject<'_>> = request
             .trackers
             .par_iter()
-            .map(|(entry, threshold)| {
+            .zip(&warps)
+            .map(|((entry, _), warps)| {
                 let start = |reason: String| BasinError::Start {
                     tracker: entry.name.id.clone(),
                     texture: texture.name.clone(),
@@ -292,58 +425,51 @@ pub fn run(
                 tracker.reseed(derived_seed(request.seed, &[&entry.name.id, &texture.name], None));
                 afford(tracker.as_ref(), RunRequest::MEMORY).map_err(|e| start(e.to_string()))?;
                 tracker.init(&first, &base).map_err(|e| start(e.to_string()))?;
-                let row = BasinRow {
-                    tracker: entry.name.id.clone(),
-                    texture: texture.name.clone(),
-                    sigma: 0.0,
-                    trials: 0,
-                    converged: 0,
-                    distance: Vec::new(),
-                };
                 Ok(Subject {
                     entry,
-                    threshold: *threshold,
+                    warps,
+                    threshold: request.threshold,
                     tracker,
-                    row,
+                    row: no_trials(entry, warps, &texture.name, 0.0),
                 })
             })
             .collect::<Result<_, BasinError>>()?;
         for (s, &sigma) in request.sigmas.iter().enumerate() {
-            let mut rng = Pcg64::seed_from_u64(derived_seed(
-                request.seed,
-                &["warps", &texture.name, &sigma.to_string()],
-                None,
-            ));
-            let truths: Vec<Corners> = (0..request.trials)
-                .map(|_| perturbed(&base, sigma, &mut rng))
-                .collect();
-            for batch in truths.chunks(BATCH) {
-                if stop.load(Ordering::Relaxed) {
-                    return Err(BasinError::Stopped);
-                }
-                let views: Vec<(Frame, Corners)> = batch
-                    .par_iter()
-                    .filter_map(|truth| {
-                        let to_source = homography::from_corners(truth, &base)?;
-                        let image = request.pre.apply(warped(&texture.image, &to_source));
-                        Some((Frame::from_gray(image), *truth))
-                    })
+            for kind in &kinds {
+                // The same noise for all kinds.
+                let mut rng = Pcg64::seed_from_u64(derived_seed(
+                    request.seed,
+                    &["warps", &texture.name, &sigma.to_string()],
+                    None,
+                ));
+                let truths: Vec<Corners> = (0..request.trials)
+                    .map(|_| kind.perturbed(&base, sigma, &mut rng))
                     .collect();
-                subjects.par_iter_mut().with_max_len(1).for_each(|subject| {
-                    for (frame, truth) in &views {
-                        subject.trial(&first, &base, frame, truth, request.updates);
+                let mut own: Vec<&mut Subject<'_>> = subjects
+                    .iter_mut()
+                    .filter(|s| s.warps.name == kind.name)
+                    .collect();
+                for batch in truths.chunks(BATCH) {
+                    if stop.load(Ordering::Relaxed) {
+                        return Err(BasinError::Stopped);
                     }
-                });
+                    let views: Vec<(Frame, Corners)> = batch
+                        .par_iter()
+                        .filter_map(|truth| {
+                            let to_source = homography::from_corners(truth, &base)?;
+                            let image = request.pre.apply(warped(&texture.image, &to_source));
+                            Some((Frame::from_gray(image), *truth))
+                        })
+                        .collect();
+                    own.par_iter_mut().with_max_len(1).for_each(|subject| {
+                        for (frame, truth) in &views {
+                            subject.trial(&first, &base, frame, truth, request.updates);
+                        }
+                    });
+                }
             }
             for subject in &mut subjects {
-                let fresh = BasinRow {
-                    tracker: subject.entry.name.id.clone(),
-                    texture: texture.name.clone(),
-                    sigma: 0.0,
-                    trials: 0,
-                    converged: 0,
-                    distance: Vec::new(),
-                };
+                let fresh = no_trials(subject.entry, subject.warps, &texture.name, 0.0);
                 let mut row = std::mem::replace(&mut subject.row, fresh);
                 row.sigma = sigma;
                 rows.push(row);
@@ -351,11 +477,25 @@ pub fn run(
             progress((t * request.sigmas.len() + s + 1) as f64 / steps);
         }
     }
-    Ok(ordered(request, rows))
+    Ok(ordered(request, &warps, rows))
+}
+
+/// A row before the first trial.
+fn no_trials(entry: &TrackerEntry, warps: &Warps, texture: &str, sigma: f64) -> BasinRow {
+    BasinRow {
+        tracker: entry.name.id.clone(),
+        texture: texture.to_owned(),
+        warp: warps.name.to_owned(),
+        sigma,
+        trials: 0,
+        converged: 0,
+        distance: Vec::new(),
+        rates: Vec::new(),
+    }
 }
 
 /// Rows by tracker, image and sigma, with pooled ones; sums of distances become means.
-fn ordered(request: &BasinRequest, rows: Vec<BasinRow>) -> Vec<BasinRow> {
+fn ordered(request: &BasinRequest, warps: &[Warps], rows: Vec<BasinRow>) -> Vec<BasinRow> {
     let mut out = Vec::with_capacity(2 * rows.len());
     let finish = |mut row: BasinRow| {
         let n = row.converged as f64;
@@ -364,24 +504,18 @@ fn ordered(request: &BasinRequest, rows: Vec<BasinRow>) -> Vec<BasinRow> {
             .for_each(|d| *d = (*d / n * 1e6).round() / 1e6);
         row
     };
-    for (entry, _) in &request.trackers {
+    for ((entry, _), warps) in request.trackers.iter().zip(warps) {
         let own = || rows.iter().filter(|r| r.tracker == entry.name.id);
         out.extend(own().cloned().map(finish));
         if request.textures.len() < 2 {
             continue;
         }
         for &sigma in &request.sigmas {
-            let mut pooled = BasinRow {
-                tracker: entry.name.id.clone(),
-                texture: POOLED.to_owned(),
-                sigma,
-                trials: 0,
-                converged: 0,
-                distance: Vec::new(),
-            };
+            let mut pooled = no_trials(entry, warps, POOLED, sigma);
             for row in own().filter(|r| r.sigma == sigma) {
                 pooled.trials += row.trials;
                 pooled.converged += row.converged;
+                pooled.rates.push(row.rate());
                 pooled
                     .distance
                     .resize(pooled.distance.len().max(row.distance.len()), 0.0);
@@ -401,13 +535,12 @@ fn ordered(request: &BasinRequest, rows: Vec<BasinRow>) -> Vec<BasinRow> {
 mod tests {
     use super::*;
     use mtf::diagnose::Waves;
-    use mtf::registry::Registry;
 
     fn request(trackers: &[&str]) -> BasinRequest {
         let registry = Arc::new(Registry::builtin());
         let entry = |id: &&str| {
             let spec = registry.parse(id).unwrap();
-            (TrackerEntry::from_registry(&registry, &spec).unwrap(), 1.0)
+            TrackerEntry::from_registry(&registry, &spec).unwrap()
         };
         let texture = |seed: u64| {
             let waves = Waves::new(seed);
@@ -416,15 +549,14 @@ mod tests {
                 image: Image::from_fn(200, 160, |x, y| waves.at([x as f64, y as f64]) as f32),
             }
         };
+        let trackers = trackers.iter().map(entry).collect();
         BasinRequest {
-            trackers: trackers.iter().map(entry).collect(),
-            textures: vec![texture(1), texture(2)],
             sigmas: vec![0.5, 24.0],
             trials: 12,
             side: 60.0,
-            updates: 3,
             pre: Arc::new(mtf::image::Identity),
             seed: 7,
+            ..BasinRequest::new(&registry, trackers, Perturb::Own, vec![texture(1), texture(2)])
         }
     }
 
@@ -459,21 +591,110 @@ mod tests {
     }
 
     #[test]
+    fn a_tracker_is_perturbed_by_its_own_warps() {
+        let perturbed_by = |perturb: Perturb| {
+            let registry = Registry::builtin();
+            let all = [
+                "esm/ssd/translation",
+                "esm/ssd/similitude",
+                "falk/ssd/spline",
+                "pyramid(esm/ssd/translation)",
+                "pyes/ssd/affine",
+            ];
+            let entry =
+                |id: &str| TrackerEntry::from_registry(&registry, &registry.parse(id).unwrap()).unwrap();
+            let request = BasinRequest::new(&registry, all.map(entry).to_vec(), perturb, Vec::new());
+            let name =
+                |(_, model): &(TrackerEntry, Option<SsmEntry>)| Warps::new(model.as_ref()).unwrap().name;
+            request.trackers.iter().map(name).collect::<Vec<_>>()
+        };
+        let own = ["translation", "similitude", "homography", "translation", "affine"];
+        assert_eq!(perturbed_by(Perturb::Own), own);
+        assert_eq!(perturbed_by(Perturb::Homography), ["homography"; 5]);
+        // Half a pixel of homographies is a misfit of translations, not of their search.
+        let rows = rows(&["esm/ssd/translation", "esm/ssd/homography"], 2);
+        assert_eq!((rows[0].warp.as_str(), rows[0].rate()), ("translation", 1.0));
+        assert_eq!((rows[6].warp.as_str(), rows[6].rate()), ("homography", 1.0));
+        assert!(rows[0].distance[2] < 0.05, "{:?}", rows[0]);
+    }
+
+    #[test]
+    fn sigma_means_the_same_displacement_for_all_warps() {
+        let registry = Registry::builtin();
+        let base = Corners::rect(20.0, 30.0, 100.0, 100.0);
+        for name in ["translation", "isometry", "similitude", "affine", "homography"] {
+            let warps = Warps::new(registry.ssms().iter().find(|e| e.is_called(name))).unwrap();
+            let mut rng = Pcg64::seed_from_u64(3);
+            let square = |_| {
+                let moved = warps.perturbed(&base, 2.0, &mut rng).to_array();
+                let apart = moved.iter().zip(base.to_array()).map(|(a, b)| (a - b).powi(2));
+                apart.sum::<f64>() / 8.0
+            };
+            let rms = ((0..2000).map(square).sum::<f64>() / 2000.0).sqrt();
+            assert!((rms - 2.0).abs() < 0.1, "{name}: {rms}");
+        }
+    }
+
+    #[test]
     fn sigmas_grow_to_a_quarter_of_the_box() {
         assert_eq!(usual_sigmas(40.0), [1.0, 2.0, 3.0, 4.0, 6.0, 8.0]);
+    }
+
+    fn row(trials: usize, converged: usize, rates: &[f64]) -> BasinRow {
+        BasinRow {
+            tracker: String::new(),
+            texture: String::new(),
+            warp: String::new(),
+            sigma: 1.0,
+            trials,
+            converged,
+            distance: Vec::new(),
+            rates: rates.to_vec(),
+        }
+    }
+
+    #[test]
+    fn intervals_are_over_images() {
+        let width = |row: &BasinRow| row.interval()[1] - row.interval()[0];
+        // 2000 trials on four images that differ say little of a fifth.
+        let differ = row(2000, 1000, &[0.2, 0.4, 0.6, 0.8]);
+        let student = 2.0 * student_975(3.0) * (0.2f64 / 3.0 / 4.0).sqrt();
+        let share = width(&differ) / student;
+        assert!((0.7..1.0).contains(&share), "{share} {:?}", differ.interval());
+        // Images that agree are no more than their trials.
+        let agree = row(2000, 1000, &[0.5, 0.5, 0.5, 0.5]);
+        assert!(width(&agree) > width(&row(2000, 1000, &[])) && width(&agree) < 0.1);
+        let [low, high] = row(2000, 2000, &[1.0; 4]).interval();
+        assert!(low < 1.0 && high == 1.0);
+    }
+
+    /// Rates of images drawn from one distribution: the interval of few of them holds its mean about as often as it says.
+    #[test]
+    fn intervals_cover_the_mean_over_images() {
+        let mut rng = Pcg64::seed_from_u64(5);
+        let mut uniform = || rand::RngExt::random_range(&mut rng, 0.0..1.0);
+        for (images, trials) in [(4, 100), (8, 50)] {
+            let covered = (0..1000)
+                .filter(|_| {
+                    let rates: Vec<f64> = (0..images)
+                        .map(|_| {
+                            let rate = 0.3 + 0.5 * uniform();
+                            (0..trials).filter(|_| uniform() < rate).count() as f64 / f64::from(trials)
+                        })
+                        .collect();
+                    let converged = (rates.iter().sum::<f64>() * f64::from(trials)).round() as usize;
+                    let [low, high] = row((images * trials) as usize, converged, &rates).interval();
+                    low <= 0.55 && 0.55 <= high
+                })
+                .count();
+            assert!(covered > 920, "{images} images: {covered} of 1000");
+        }
     }
 
     #[test]
     fn intervals_hold_the_rate() {
         for (converged, low, high) in [(0, 0.0, 0.0738), (25, 0.3664, 0.6336), (50, 0.9262, 1.0)] {
-            let row = BasinRow {
-                tracker: String::new(),
-                texture: String::new(),
-                sigma: 1.0,
-                trials: 50,
-                converged,
-                distance: Vec::new(),
-            };
+            let row = row(50, converged, &[]);
             let [a, b] = row.interval();
             assert!((a - low).abs() < 5e-3 && (b - high).abs() < 5e-3, "{a} {b}");
             assert!(a <= row.rate() && row.rate() <= b);
