@@ -171,8 +171,8 @@ pub struct SelectionArgs {
     /// Only every K-th frame [default: 1]
     #[arg(long, value_name = "K", value_parser = at_least_one)]
     pub frame_gap: Option<usize>,
-    /// Fit the ground truth with this warp first (translation, isometry, ...), to judge trackers of few degrees of freedom
-    /// by what they can follow
+    /// Fit the ground truth with this warp (translation, isometry, ...) from each start, to judge trackers of few degrees of
+    /// freedom by what they can follow
     #[arg(long, value_name = "SSM")]
     pub gt_ssm: Option<String>,
     /// What to do with a sequence whose data is faulty [default: fail]
