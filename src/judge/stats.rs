@@ -308,7 +308,7 @@ mod tests {
         #[test]
         fn exchanging_the_two_turns_the_sign(d in prop::collection::vec(-0.5..0.5f64, 2..30)) {
             let forth = pairs(&d);
-            let back: Vec<Pair> = forth.iter().map(|p| Pair { a: p.b, b: p.a, ..*p }).collect();
+            let back: Vec<Pair> = forth.iter().map(|p| Pair { a: p.b, b: p.a }).collect();
             let (x, y) = (difference(&forth, 200, 3).unwrap(), difference(&back, 200, 3).unwrap());
             prop_assert_eq!((x.a, x.b, x.p), (y.b, y.a, y.p));
             prop_assert!((x.interval[0] + y.interval[1]).abs() < 1e-12);

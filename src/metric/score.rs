@@ -98,8 +98,8 @@ impl Score {
     /// are what [`Sample::values`](crate::metric::Sample::values) says of each: the mean alone is rounded.
     pub(crate) fn mean(metrics: &MetricSet, sequences: &[Box<[f64]>]) -> Score {
         let frames = metrics.figures().iter().position(|f| f.name == "frames");
-        let scored = |values: &&Box<[f64]>| frames.is_some_and(|index| values[index] > 0.0);
-        let scored: Vec<&Box<[f64]>> = sequences.iter().filter(scored).collect();
+        let scored = |values: &&[f64]| frames.is_some_and(|index| values[index] > 0.0);
+        let scored: Vec<&[f64]> = sequences.iter().map(|values| &**values).filter(scored).collect();
         let figure = |(index, figure): (usize, &Figure)| {
             let values = scored.iter().map(|values| values[index]);
             match figure.kind {
