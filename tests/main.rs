@@ -24,6 +24,7 @@ mod limits;
 mod names;
 mod nonrigid;
 mod protocols;
+mod published;
 #[cfg(target_os = "linux")]
 mod reading;
 mod real_data;
@@ -61,6 +62,7 @@ fn main() -> std::process::ExitCode {
         names::TESTS,
         nonrigid::TESTS,
         protocols::TESTS,
+        published::TESTS,
         #[cfg(target_os = "linux")]
         reading::TESTS,
         real_data::TESTS,

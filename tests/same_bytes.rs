@@ -47,7 +47,7 @@ fn instruction_sets_agree_to_the_bit() {
         "--tracker",
         "rklt(flow, iclk/ssd+gb/homography)",
         "--tracker",
-        "lms/ssd/homography",
+        "lms2/ssd/homography",
         "--tracker",
         "pyramid(esm/ncc/homography; levels=2)",
     ];
@@ -80,7 +80,7 @@ fn threads_of_a_tracker_leave_no_trace() {
         "--tracker",
         "rklt(flow{grid_fb=2}, iclk/ssd/homography)",
         "--tracker",
-        "lms/ncc/homography",
+        "lms2/ncc/homography",
         "--tracker",
         "grid(iclk/ssd/translation; grid_reset=fixed, grid_fb=2)",
     ];

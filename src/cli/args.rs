@@ -138,6 +138,9 @@ pub struct TrackerArgs {
     /// Set a parameter: `esm.max_iters=50` or `sm.esm.max_iters=50`; repeatable (see `list params`)
     #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
     pub set: Vec<(String, String)>,
+    /// Parameters as published instead of this program's defaults (`list params` shows both); what is set otherwise stays
+    #[arg(long)]
+    pub paper: bool,
     /// Samples of the template, columns x rows [default: 50x50]
     #[arg(long, value_name = "WxH", value_parser = resolution)]
     pub res: Option<Resolution>,

@@ -155,6 +155,7 @@ fn complete(args: &mut ExperimentArgs, file: &ExperimentFile) -> Result<(), Expe
 /// Parameters with flags of their own, as far as they are given.
 fn common(args: &TrackerArgs) -> Vec<(String, String)> {
     let flags = [
+        ("paper", args.paper.then(|| "1".to_owned())),
         ("res", args.res.map(|r| r.to_string())),
         ("max_iters", args.max_iters.map(|n| n.to_string())),
         ("epsilon", args.epsilon.map(|x| x.to_string())),

@@ -100,12 +100,38 @@ fn listing(what: ListWhat, program: &Program, data: &[PathBuf]) -> Result<Listin
     let mut note = String::new();
     let (title, header, rows) = match what {
         ListWhat::Sm => {
-            let describe =
-                |e: &mtf::sm::SmEntry| row(&[e.name, &e.aliases.join(" "), &e.groups.join(" "), e.summary]);
-            let short = registry
-                .short()
-                .iter()
-                .map(|e| row(&[e.name, &e.aliases.join(" "), &e.groups.join(" "), e.summary]));
+            // The paper has it so, or with the published values of its parameters, or has it not.
+            let paper = |name: &str, published: Option<&'static str>| {
+                let other = registry.parse(name) != registry.parse(&format!("{name}{{paper=1}}"));
+                published.map_or(String::new(), |place| match other {
+                    true => format!("{place} (paper=1)"),
+                    false => place.to_owned(),
+                })
+            };
+            let names = |aliases: &[&str], groups: &[&str]| (aliases.join(" "), groups.join(" "));
+            let describe = |e: &mtf::sm::SmEntry| {
+                let (aliases, groups) = names(e.aliases, e.groups);
+                row(&[
+                    e.name,
+                    &aliases,
+                    &groups,
+                    &paper(e.name, e.published),
+                    "",
+                    e.summary,
+                ])
+            };
+            let short = registry.short().iter().map(|e| {
+                let (aliases, groups) = names(e.aliases, e.groups);
+                let whole = e.text("AM", IlmEntry::NONE.name, "SSM");
+                row(&[
+                    e.name,
+                    &aliases,
+                    &groups,
+                    &paper(e.name, e.published),
+                    &whole,
+                    e.summary,
+                ])
+            });
             let composite = registry.composites().iter().map(|e| {
                 let members = match e.family.members {
                     (0, 0) => String::new(),
@@ -121,6 +147,8 @@ fn listing(what: ListWhat, program: &Program, data: &[PathBuf]) -> Result<Listin
                     &name,
                     &e.aliases.join(" "),
                     "(expression)",
+                    e.published.unwrap_or_default(),
+                    "",
                     &format!("{}{members}", e.summary),
                 ])
             });
@@ -133,7 +161,7 @@ fn listing(what: ListWhat, program: &Program, data: &[PathBuf]) -> Result<Listin
                 .collect();
             (
                 "search methods",
-                vec!["name", "aliases", "groups", "description"],
+                vec!["name", "aliases", "groups", "paper", "stands for", "description"],
                 rows,
             )
         }
@@ -193,11 +221,12 @@ fn listing(what: ListWhat, program: &Program, data: &[PathBuf]) -> Result<Listin
         ListWhat::Params => {
             let rows = registry.params().into_iter().map(|(tag, model, info)| {
                 let name = format!("{tag}.{model}.{}", info.name);
-                row(&[&name, &info.default, &info.allowed, info.doc])
+                let paper = info.paper.as_ref().map_or("", |p| p.value.as_str());
+                row(&[&name, &info.default, paper, &info.allowed, info.doc])
             });
             (
                 "parameters",
-                vec!["parameter", "default", "allowed", "description"],
+                vec!["parameter", "default", "paper", "allowed", "description"],
                 rows.collect(),
             )
         }

@@ -254,6 +254,32 @@ fn appearance_of(
         equal.set_template(pair.shape, own).map_err(failed(name))?;
         equal.set_current(own);
         let own_hessian = hessian(&|x| similarity_of(&*equal, &own_wide, x));
+        // So is its gradient, which a model without one says is zero: small beside that against another patch.
+        let numeric: Vec<f64> = (0..n)
+            .map(|i| {
+                let mut at = |d: f64| {
+                    x[i] = own_wide[i] + d;
+                    similarity_of(&*equal, &own_wide, &x)
+                };
+                let difference = (at(1e-2) - at(-1e-2)) / 2e-2;
+                x[i] = own_wide[i];
+                difference
+            })
+            .collect();
+        let error = match derivatives(&mut am)?.self_gradient() {
+            Some(gradient) => {
+                let mut own = vec![0.0; n];
+                gradient.self_gradient_into(side, &mut own);
+                relative(own.iter().map(|&g| g.into()).zip(numeric))
+            }
+            None => relative(
+                numeric
+                    .iter()
+                    .zip(&g)
+                    .map(|(d, &g)| (f64::from(g) + d, f64::from(g))),
+            ),
+        };
+        check(format!("self gradient ({name})"), error, SINGLE);
         for (curvature, numeric, what) in [
             (Curvature::Standard, &standard, "Hessian"),
             (Curvature::SelfHessian, &own_hessian, "self Hessian"),

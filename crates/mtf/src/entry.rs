@@ -55,6 +55,8 @@ pub struct Entry<F: Family> {
     pub groups: &'static [&'static str],
     /// One-line description.
     pub summary: &'static str,
+    /// Where the paper has it: algorithm or section. `None` for what is of this project, or of the original alone.
+    pub published: Option<&'static str>,
     /// Parameters.
     pub params: fn() -> Vec<ParamInfo>,
     /// Canonical text of a parameter.
@@ -78,6 +80,7 @@ impl<F: Family> Entry<F> {
             aliases: &[],
             groups: &[],
             summary,
+            published: None,
             params: P::info,
             canonical: |assignments, name| Ok(P::from_assignments(assignments)?.get(name)),
             build,
@@ -99,6 +102,12 @@ impl<F: Family> Entry<F> {
     /// The same in groups.
     pub const fn in_groups(mut self, groups: &'static [&'static str]) -> Self {
         self.groups = groups;
+        self
+    }
+
+    /// The same with the algorithm or section of the paper that describes it.
+    pub const fn published(mut self, place: &'static str) -> Self {
+        self.published = Some(place);
         self
     }
 

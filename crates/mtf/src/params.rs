@@ -25,6 +25,30 @@ pub struct ParamInfo {
     /// The family of parts that its values are names of ("appearance model"), if they are names. Which names there are is
     /// known to the registry.
     pub names: Option<&'static str>,
+    /// What of a model it changes; all if empty.
+    pub changes: &'static [Use],
+    /// Its value in the paper, or in the original where the paper has none, if the default is another.
+    pub paper: Option<PaperValue>,
+}
+
+/// What a search method may use of an appearance model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub enum Use {
+    /// Similarities of patches.
+    Scores,
+    /// Gradients and Hessians of the similarity.
+    Derivatives,
+    /// Distances between features.
+    Distances,
+}
+
+/// Value of a parameter as published, where the default is another.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct PaperValue {
+    /// The value, as it would be written.
+    pub value: String,
+    /// One line: why the default is another, with the figures of both.
+    pub why: &'static str,
 }
 
 /// A parameter assignment that cannot be made.
@@ -263,23 +287,25 @@ macro_rules! param_enum {
 }
 pub(crate) use param_enum;
 
-/// Declares a parameter struct: fields with documentation, type, default and (optionally) an inclusive range.
+/// Declares a parameter struct: fields with documentation, type, default and, each optional, an inclusive range, what of an
+/// appearance model it changes (`changes [Derivatives]`), and the value published with the reason why the default is another.
 ///
 /// ```
 /// mtf::params! {
 ///     /// Parameters of a blur.
 ///     pub struct BlurParams {
 ///         /// Standard deviation, px.
-///         sigma: f64 = 3.0, in 0.1..=30.0;
+///         sigma: f64 = 3.0, in 0.1..=30.0, paper 1.0 => "less noise";
 ///     }
 /// }
 /// use mtf::params::Params;
 /// assert!(BlurParams::from_assignments(&[("sigma", "50")]).is_err());
+/// assert_eq!(BlurParams::info()[0].paper.as_ref().unwrap().value, "1");
 /// ```
 #[macro_export]
 macro_rules! params {
     ($(#[$meta:meta])* $vis:vis struct $name:ident {
-        $($(#[doc = $doc:literal])+ $field:ident : $ty:ty = $default:expr $(, in $range:expr)?;)*
+        $($(#[doc = $doc:literal])+ $field:ident : $ty:ty = $default:expr $(, in $range:expr)? $(, changes [$($use:ident),+])? $(, paper $paper:expr => $why:literal)?;)*
     }) => {
         $(#[$meta])*
         #[derive(Clone, Debug, PartialEq)]
@@ -309,6 +335,16 @@ macro_rules! params {
                     },
                     doc: concat!($($doc),+).trim_ascii_start(),
                     names: <$ty as ParamValue>::NAMES,
+                    changes: &[$($($crate::params::Use::$use),+)?],
+                    paper: {
+                        #[allow(unused_mut, unused_assignments)]
+                        let mut paper = None;
+                        $({
+                            let value: $ty = $paper;
+                            paper = Some($crate::params::PaperValue { value: value.text(), why: $why });
+                        })?
+                        paper
+                    },
                 }),*]
             }
             fn set(&mut self, name: &str, value: &str) -> Result<(), $crate::params::ParamError> {

@@ -16,6 +16,7 @@ mod nonrigid;
 mod own_models;
 mod robust;
 mod sampling;
+mod switches;
 
 fn main() -> std::process::ExitCode {
     harness::run(&[
@@ -34,6 +35,7 @@ fn main() -> std::process::ExitCode {
         own_models::TESTS,
         robust::TESTS,
         sampling::TESTS,
+        switches::TESTS,
     ])
 }
 

@@ -8,11 +8,11 @@ crate::params! {
     /// Parameters of [`Ccre`].
     pub struct CcreParams {
         /// Histogram bins of each patch.
-        n_bins: usize = 6, in 4..=64;
+        n_bins: usize = 6, in 4..=64, paper 10 => "a wider basin: FCLK within 5 px on 12 real sequences, every third frame, .971 against .941 (embedded data AUC .779 against .836)";
         /// Count added to every bin of the joint histogram before normalising.
         pre_seed: f64 = 10.0, in 1e-3..=1e6;
         /// Centred gradients, exact at alignment; 0: derivatives of the similarity itself.
-        centred: bool = true;
+        centred: bool = true, changes [Derivatives], paper false => "the plain gradient does not vanish at alignment: AUC .774 against .629 with ESM, .695 against .543 with ICLK; the step is relaxed as well";
         /// Likelihood exp(-alpha (f(T,T)/f - 1)²): alpha.
         likelihood_alpha: f64 = 50.0, in 0.0..=1e6;
     }
@@ -25,7 +25,7 @@ pub struct CrossCumulative;
 impl Kind for CrossCumulative {
     type Params = CcreParams;
     const NAME: &'static str = "ccre";
-    const SUMMARY: &'static str = "cross-cumulative residual entropy, centred gradients";
+    const SUMMARY: &'static str = "cross-cumulative residual entropy";
     const CUMULATIVE: bool = true;
     fn settings(p: &CcreParams) -> InformationSettings {
         InformationSettings {

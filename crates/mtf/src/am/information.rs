@@ -31,7 +31,9 @@
 mod joint;
 mod sums;
 
-use super::{AppearanceModel, Derivatives, Distances, Metric, PatchShape, Properties, Reference, Side};
+use super::{
+    AppearanceModel, Derivatives, Distances, Metric, PatchShape, Properties, Reference, SelfGradient, Side,
+};
 use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::hist::{self, SPLINE, SUPPORT, Window};
@@ -159,6 +161,21 @@ impl<K: Kind> Information<K> {
                 hist::cell_polynomials::<4, 4>(&self.pair.cell, t, u, &self.work.table, out);
             }
         }
+    }
+
+    /// `df(C, I)/dI at I = C` into the weights, `C` the side's own patch.
+    fn weigh_self(&mut self, side: Side) {
+        let scale = self.slope() / self.z();
+        if side == Side::Current {
+            self.know_current_self();
+        }
+        let (patch, joint) = match side {
+            Side::Template => (&self.pair.template, &self.template_self),
+            Side::Current => (&self.pair.current, &self.current_self),
+        };
+        let work = &mut self.work;
+        work.bucket_table([&hist::derivative(&window::<K>()), &SPLINE], scale, &joint.l);
+        hist::bucket_polynomials(&patch.bucket, &patch.tau, &work.table, &mut work.weights);
     }
 
     /// Per-value weights `Σ left_a right_d L` of a patch with itself, and the power sums of its Jacobian.
@@ -371,7 +388,17 @@ impl<K: Kind> AppearanceModel for Information<K> {
     }
 }
 
+impl<K: Kind> SelfGradient for Information<K> {
+    fn self_gradient_into(&mut self, side: Side, out: &mut [f32]) {
+        self.weigh_self(side);
+        out.copy_from_slice(&self.work.weights);
+    }
+}
+
 impl<K: Kind> Derivatives for Information<K> {
+    fn self_gradient(&mut self) -> Option<&mut dyn SelfGradient> {
+        (!self.settings.centred).then_some(self as _)
+    }
     fn similarity_is_merit(&self) -> bool {
         !self.settings.centred
     }
@@ -383,13 +410,8 @@ impl<K: Kind> Derivatives for Information<K> {
         match side {
             Side::Template => remove(&self.template_gradient, out),
             Side::Current => {
-                self.know_current_self();
-                let left = hist::derivative(&window::<K>());
-                let scale = self.slope() / self.z();
-                let (patch, work) = (&self.pair.current, &mut self.work);
-                work.bucket_table([&left, &SPLINE], scale, &self.current_self.l);
-                hist::bucket_polynomials(&patch.bucket, &patch.tau, &work.table, &mut work.weights);
-                remove(&work.weights, out);
+                self.weigh_self(side);
+                remove(&self.work.weights, out);
             }
         }
     }

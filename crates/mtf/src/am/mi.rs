@@ -15,7 +15,7 @@ crate::params! {
         /// Count added to every bin of the joint histogram before normalising.
         pre_seed: f64 = 10.0, in 1e-3..=1e6;
         /// Centred gradients, exact at alignment; 0: derivatives of the similarity itself.
-        centred: bool = true;
+        centred: bool = true, changes [Derivatives], paper false => "the plain gradient does not vanish at alignment: AUC .843 against .774 with ESM, .822 against .768 with ICLK; the step is relaxed as well";
         /// Likelihood exp(-alpha (f(T,T)/f - 1)²): alpha.
         likelihood_alpha: f64 = 50.0, in 0.0..=1e6;
     }
@@ -28,7 +28,7 @@ pub struct Mutual;
 impl Kind for Mutual {
     type Params = MiParams;
     const NAME: &'static str = "mi";
-    const SUMMARY: &'static str = "mutual information, centred gradients";
+    const SUMMARY: &'static str = "mutual information";
     const CUMULATIVE: bool = false;
     fn settings(p: &MiParams) -> InformationSettings {
         InformationSettings {

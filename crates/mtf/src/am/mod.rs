@@ -57,7 +57,7 @@ pub use lkld::{Lkld, LkldParams, Localised};
 pub use mi::{Mi, MiParams, Mutual};
 pub use model::{
     AppearanceModel, Capabilities, Curvature, Derivatives, Distances, Learner, Masking, Metric, Normal,
-    PatchShape, PerFrame, Properties, Reference, Side, begin_frame,
+    PatchShape, PerFrame, Properties, Reference, SelfGradient, Side, begin_frame,
 };
 pub use ncc::Ncc;
 pub use network::{Network, NetworkError};

@@ -97,6 +97,10 @@ impl Default for Properties {
 pub struct Capabilities {
     /// It has [`Derivatives`].
     pub derivatives: bool,
+    /// Its derivatives have a [`SelfGradient`].
+    pub self_gradient: bool,
+    /// See [`Derivatives::one_sided`].
+    pub one_sided: Option<(Side, &'static str)>,
     /// Metric of its [`Distances`], if it has any.
     pub metric: Option<Metric>,
     /// It has [`Masking`].
@@ -110,6 +114,8 @@ impl Capabilities {
     pub fn of(am: &mut dyn AppearanceModel) -> Self {
         Capabilities {
             derivatives: am.derivatives().is_some(),
+            self_gradient: am.derivatives().is_some_and(|d| d.self_gradient().is_some()),
+            one_sided: am.derivatives().and_then(|d| d.one_sided()),
             metric: am.distances().map(Distances::metric),
             masks: am.masking().is_some(),
             gain_bias_invariant: am.properties().gain_bias_invariant,
@@ -249,6 +255,18 @@ pub trait Derivatives {
         }
     }
 
+    /// The gradient of a patch compared with itself; `None` where it vanishes, as it does for measures with their maximum
+    /// there.
+    fn self_gradient(&mut self) -> Option<&mut dyn SelfGradient> {
+        None
+    }
+
+    /// A parameter that is on and changes the derivatives of one side alone, and that side: a search that reads only the
+    /// other's would not notice.
+    fn one_sided(&self) -> Option<(Side, &'static str)> {
+        None
+    }
+
     /// Whether `f` grows along the steps that gradient and Hessian make. False for centred gradients, which lead to perfect
     /// alignment instead of the maximum of `f`: Levenberg-Marquardt then asks that `J (-H)⁻¹ J'` shrink.
     fn similarity_is_merit(&self) -> bool {
@@ -260,6 +278,12 @@ pub trait Derivatives {
     fn weighted(&mut self) -> bool {
         false
     }
+}
+
+/// The gradient of a patch compared with itself: what the second-order terms of the self Hessian are weighted by.
+pub trait SelfGradient {
+    /// `df(C, I)/dI at I = C` for each raw pixel value, `C` the side's own patch.
+    fn self_gradient_into(&mut self, side: Side, out: &mut [f32]);
 }
 
 /// Distances between patches, by a feature of each. Usable once the template is set.

@@ -13,7 +13,9 @@
 //! Hessians of a side are `-J' (d²f/dI dT) J` at the side's own patch twice. Exact on sharp images; the basin is a few
 //! sampling steps.
 
-use super::{AppearanceModel, Derivatives, Distances, Metric, PatchShape, Properties, Reference, Side};
+use super::{
+    AppearanceModel, Derivatives, Distances, Metric, PatchShape, Properties, Reference, SelfGradient, Side,
+};
 use crate::entry::Part;
 use crate::geom::solve::SymMatrix;
 use crate::kernels::stencil::{self, patch_gradient, patch_gradient_adjoint};
@@ -25,9 +27,9 @@ crate::params! {
     /// Parameters of [`Ngf`].
     pub struct NgfParams {
         /// Gradients below this count as noise, gray levels per sample; 0: the mean gradient magnitude of the template.
-        ngf_eta: f64 = 0.0, in 0.0..=1e4;
+        ngf_eta: f64 = 0.0, in 0.0..=1e4, paper 100.0 => "follows the contrast of the template: AUC .798 against .783 with ESM (ICLK .770 against .777)";
         /// Centred gradients, exact at alignment; 0: derivatives of the similarity itself.
-        centred: bool = true;
+        centred: bool = true, changes [Derivatives], paper false => "the plain gradient does not vanish at alignment: AUC .798 against .795 with ESM, .770 against .747 with ICLK; the step is relaxed as well";
         /// Likelihood exp(-alpha (1 - f/f(T,T))²): alpha.
         likelihood_alpha: f64 = 50.0, in 0.0..=1e6;
     }
@@ -85,6 +87,24 @@ impl Ngf {
             Side::Template => (&self.template, &self.current),
             Side::Current => (&self.current, &self.template),
         }
+    }
+
+    /// Derivative of `f` with respect to the side's own patch, the other one being the same if `with_itself`.
+    fn gradient_of(&mut self, side: Side, with_itself: bool, out: &mut [f32]) {
+        let (mut qx, mut qy) = (std::mem::take(&mut self.qx), std::mem::take(&mut self.qy));
+        let (own, other) = self.fields(side);
+        let other = if with_itself { own } else { other };
+        let (x, y, inverse) = (&own.x, &own.y, &own.inverse);
+        let w = if self.params.centred {
+            let [both, size] = stencil::alignment_bias(x, y, inverse, &other.x, &other.y);
+            both.max(0.0) / size.max(f64::MIN_POSITIVE)
+        } else {
+            0.0
+        };
+        stencil::alignment_gradient(x, y, inverse, &other.x, &other.y, w as f32, &mut qx, &mut qy);
+        let Resolution { cols, rows } = self.res();
+        patch_gradient_adjoint(&qx, &qy, cols, rows, out);
+        (self.qx, self.qy) = (qx, qy);
     }
 
     /// `-J' (d²f/dI dT) J` at the side's own patch twice.
@@ -161,7 +181,7 @@ fn mean_gradient(gx: &[f32], gy: &[f32]) -> f64 {
 impl Part for Ngf {
     type Params = NgfParams;
     const NAME: &'static str = "ngf";
-    const SUMMARY: &'static str = "normalised gradient fields, centred gradients";
+    const SUMMARY: &'static str = "normalised gradient fields";
     fn new(params: NgfParams) -> Self {
         Ngf {
             params,
@@ -230,24 +250,21 @@ impl AppearanceModel for Ngf {
     }
 }
 
+impl SelfGradient for Ngf {
+    fn self_gradient_into(&mut self, side: Side, out: &mut [f32]) {
+        self.gradient_of(side, true, out);
+    }
+}
+
 impl Derivatives for Ngf {
+    fn self_gradient(&mut self) -> Option<&mut dyn SelfGradient> {
+        (!self.params.centred).then_some(self as _)
+    }
     fn similarity_is_merit(&self) -> bool {
         !self.params.centred
     }
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
-        let (mut qx, mut qy) = (std::mem::take(&mut self.qx), std::mem::take(&mut self.qy));
-        let (own, other) = self.fields(side);
-        let (x, y, inverse) = (&own.x, &own.y, &own.inverse);
-        let w = if self.params.centred {
-            let [both, size] = stencil::alignment_bias(x, y, inverse, &other.x, &other.y);
-            both.max(0.0) / size.max(f64::MIN_POSITIVE)
-        } else {
-            0.0
-        };
-        stencil::alignment_gradient(x, y, inverse, &other.x, &other.y, w as f32, &mut qx, &mut qy);
-        let Resolution { cols, rows } = self.res();
-        patch_gradient_adjoint(&qx, &qy, cols, rows, out);
-        (self.qx, self.qy) = (qx, qy);
+        self.gradient_of(side, false, out);
     }
     fn hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
         if self.params.centred {

@@ -23,7 +23,7 @@ crate::params! {
     /// Parameters of [`Riu`].
     pub struct RiuParams {
         /// Offset of both terms of the ratio, gray levels.
-        kappa: f64 = 61.0, in 0.01..=1e4;
+        kappa: f64 = 61.0, in 0.01..=1e4, paper 1.0 => "dark pixels and their noise decide otherwise: ESM on 12 real sequences AUC .977 against .792 (embedded data .842 against .843)";
         /// Likelihood exp(alpha f): alpha.
         likelihood_alpha: f64 = 100.0, in 0.0..=1e6;
     }

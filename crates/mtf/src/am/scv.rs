@@ -15,6 +15,10 @@
 //! exactly at perfect alignment. With `affine` the map is the least-squares line instead. Both minimise `-f` over
 //! all maps of their kind, so a map that follows every iteration leaves `f`, and what its gradient means, well defined.
 //!
+//! An expectation has less contrast than what it is an expectation of, the less the worse the patches are aligned.
+//! `contrast=c` stretches the map about the mean by `(var b / var m(a))^(c/2)`. Such a map no longer minimises `-f`; it
+//! tracks better. It is no part of the published model.
+//!
 //! The map is held fixed while differentiating. With residual `e = m(a) - b`, `a` being the mapped patch: `df/db = e`,
 //! `df/da = -s e`, Hessians `-Id` and `-diag(s²)`; the slope `s` is one, or that of the map with `mapped_gradient`.
 
@@ -36,17 +40,17 @@ crate::params! {
         /// Bins of intensity.
         n_bins: usize = 64, in 2..=256;
         /// The map is a straight line.
-        affine: bool = true;
+        affine: bool = false;
         /// The map is interpolated between the centres of the bins.
         weighted: bool = false;
         /// How far the contrast that misalignment takes from an expectation is restored: 0 not at all, 1 fully.
-        contrast: f64 = 0.6, in 0.0..=1.0;
+        contrast: f64 = 0.0, in 0.0..=1.0;
         /// The map is computed in the first iteration of each frame only.
-        once_per_frame: bool = false;
+        once_per_frame: bool = false, changes [Scores, Derivatives];
         /// The slope of the map enters the derivatives.
-        mapped_gradient: bool = false;
+        mapped_gradient: bool = false, changes [Derivatives];
         /// Nearest-neighbour feature: the plain patch with Euclidean distance, without a map.
-        approx_feature: bool = false;
+        approx_feature: bool = false, changes [Distances];
         /// Likelihood exp(-alpha * RMS difference): alpha.
         likelihood_alpha: f64 = 2.0, in 0.0..=1e6;
     }
@@ -62,17 +66,17 @@ crate::params! {
         /// Bins of intensity.
         n_bins: usize = 64, in 2..=256;
         /// The maps are straight lines.
-        affine: bool = true;
+        affine: bool = false;
         /// The maps are interpolated between the centres of the bins.
         weighted: bool = false;
         /// How far the contrast that misalignment takes from an expectation is restored: 0 not at all, 1 fully.
-        contrast: f64 = 0.6, in 0.0..=1.0;
+        contrast: f64 = 0.0, in 0.0..=1.0;
         /// The maps are computed in the first iteration of each frame only.
-        once_per_frame: bool = false;
+        once_per_frame: bool = false, changes [Scores, Derivatives];
         /// The slopes of the maps enter the derivatives.
-        mapped_gradient: bool = false;
+        mapped_gradient: bool = false, changes [Derivatives];
         /// Nearest-neighbour feature: the plain patch with Euclidean distance, without a map.
-        approx_feature: bool = false;
+        approx_feature: bool = false, changes [Distances];
         /// Likelihood exp(-alpha * RMS difference): alpha.
         likelihood_alpha: f64 = 2.0, in 0.0..=1e6;
     }
@@ -334,6 +338,9 @@ impl<V: Variant> AppearanceModel for ConditionalVariance<V> {
 }
 
 impl<V: Variant> Derivatives for ConditionalVariance<V> {
+    fn one_sided(&self) -> Option<(Side, &'static str)> {
+        self.options.map.slopes.then_some((V::MAPPED, "mapped_gradient"))
+    }
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         let sign = Self::sign(side) as f32;
         match self.slopes(side) {

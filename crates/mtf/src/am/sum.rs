@@ -10,7 +10,7 @@
 
 use super::{
     AmEntry, AmFamily, AmName, AppearanceModel, Curvature, Derivatives, Distances, Learner, Masking, Metric,
-    Ncc, Normal, PatchShape, PerFrame, Properties, Reference, Side, Ssd, begin_frame,
+    Ncc, Normal, PatchShape, PerFrame, Properties, Reference, SelfGradient, Side, Ssd, begin_frame,
 };
 use crate::geom::solve::SymMatrix;
 use crate::kernels::Jacobian;
@@ -211,7 +211,29 @@ impl AppearanceModel for Sum {
     }
 }
 
+impl SelfGradient for Sum {
+    fn self_gradient_into(&mut self, side: Side, out: &mut [f32]) {
+        out.fill(0.0);
+        for part in &mut self.parts {
+            let weight = part.weight as f32;
+            if let Some(gradient) = part.derivatives().self_gradient() {
+                gradient.self_gradient_into(side, &mut self.scratch);
+                out.iter_mut()
+                    .zip(&self.scratch)
+                    .for_each(|(o, s)| *o += weight * s);
+            }
+        }
+    }
+}
+
 impl Derivatives for Sum {
+    fn self_gradient(&mut self) -> Option<&mut dyn SelfGradient> {
+        let any = self
+            .parts
+            .iter_mut()
+            .any(|p| p.derivatives().self_gradient().is_some());
+        any.then_some(self as _)
+    }
     fn gradient_into(&mut self, side: Side, out: &mut [f32]) {
         let [first, second] = &mut self.parts;
         first.derivatives().gradient_into(side, out);

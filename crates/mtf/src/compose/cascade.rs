@@ -39,7 +39,8 @@ pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<CascadeParams>(
     },
     CompositeFamily { members: (1, 16) },
 )
-.also(&["casc"]);
+.also(&["casc"])
+.published("section 3.2");
 
 /// Trackers in sequence.
 pub struct Cascade {

@@ -87,7 +87,8 @@ pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<GridSettings>(
         }))
     },
     CompositeFamily { members: (1, 1) },
-);
+)
+.published("section 3.2");
 
 /// Bytes per node: where its patch begins, twice, its update, its place and its marks.
 const NODE_BYTES: usize = 2 * size_of::<Corners>()

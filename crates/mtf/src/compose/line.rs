@@ -29,7 +29,8 @@ pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<LineSettings>(
         }))
     },
     CompositeFamily { members: (1, 1) },
-);
+)
+.published("section 3.2");
 
 /// A [`Grid`] whose members are held to straight rows and columns before the warp is fitted: members that go astray are
 /// put back on the intersection of their lines.

@@ -59,7 +59,8 @@ pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<ParallelParams>(
     },
     CompositeFamily { members: (1, 64) },
 )
-.also(&["prl"]);
+.also(&["prl"])
+.published("section 3.2");
 
 /// Trackers side by side.
 pub struct Parallel {

@@ -17,7 +17,7 @@ crate::params! {
         /// Levels, the full frame included; fewer for small objects.
         levels: usize = 3, in 1..=8;
         /// Coarser levels sample fewer points: half as many per side from level to level, no fewer than 8. Faster, and coarser.
-        scale_res: bool = false;
+        scale_res: bool = false, paper true => "coarse levels of small objects keep enough points: AUC of `pyic` .857 against .839 (`pyes` .907 against .911)";
         /// Level `k` sees a region `2^k` times as wide about the same centre: as many pixels on every level. For small
         /// patches of a larger object.
         widen: bool = false;
@@ -38,7 +38,8 @@ pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<PyramidParams>(
     },
     CompositeFamily { members: (1, 1) },
 )
-.also(&["pyr"]);
+.also(&["pyr"])
+.published("section 3.2");
 
 /// Fewest points per side of a coarse level.
 const MIN_RES: usize = 8;

@@ -47,9 +47,22 @@ impl ShortEntry {
     }
 }
 
-/// Patches of the named appearance model around the nodes of a grid: those of the first frame where the object was, and, when
-/// these do not agree, those of the last frame over a pyramid before them.
+/// Patches of the named appearance model around the nodes of a grid, new ones after each frame, tracked once: algorithm 8 of
+/// the paper. All that the estimator adds to the published one is off.
 macro_rules! patches {
+    ($estimator:literal) => {
+        concat!(
+            "grid(iclk/{am}/translation{res=25x25}; ssm={ssm}, patch_size=25, grid_reset=reinit, grid_passes=1, grid_min_eigen=0, ",
+            "est_truncated=0, est_local=0, est_trim=0, est_confidence=0.995, estimator=",
+            $estimator,
+            ")"
+        )
+    };
+}
+
+/// Two layers of patches of the named appearance model: those of the first frame where the object was, and, when these do
+/// not agree, those of the last frame over a pyramid before them.
+macro_rules! layers {
     ($estimator:literal) => {
         concat!(
             "rklt(grid(pyramid(iclk/{am}/translation{res=15x15}; levels=5, widen=true); ssm={ssm}, patch_size=21, estimator=",
@@ -68,18 +81,10 @@ macro_rules! flow {
     };
 }
 
-/// One search method, with its settings, after another.
+/// One search method after another.
 macro_rules! after {
-    ($first:literal, $settings:literal, $then:literal) => {
-        concat!(
-            "cascade(",
-            $first,
-            "/{am}/{ssm}",
-            $settings,
-            ", ",
-            $then,
-            "/{lit}/{ssm})"
-        )
+    ($first:literal, $then:literal) => {
+        concat!("cascade(", $first, "/{am}/{ssm}, ", $then, "/{lit}/{ssm})")
     };
 }
 
@@ -88,29 +93,45 @@ pub const SHORT: &[ShortEntry] = &[
     ShortEntry::of(
         "lms",
         ROBUST,
-        "grid of patches, least median of squares",
+        "grid of patches renewed in each frame, least median of squares",
         patches!("lmeds"),
-    ),
+    )
+    .published("algorithm 8"),
     ShortEntry::of(
         "ransac",
         ROBUST,
-        "grid of patches, sampling consensus",
+        "grid of patches renewed in each frame, sampling consensus",
         patches!("ransac"),
     )
-    .also(&["rnsc"]),
+    .also(&["rnsc"])
+    .published("algorithm 8"),
+    ShortEntry::of(
+        "lms2",
+        ROBUST,
+        "two grids of patches, of the last and of the first frame, least median of squares: no drift",
+        layers!("lmeds"),
+    ),
+    ShortEntry::of(
+        "ransac2",
+        ROBUST,
+        "two grids of patches, of the last and of the first frame, sampling consensus: no drift",
+        layers!("ransac"),
+    ),
     ShortEntry::of(
         "rklt",
         COMPOSITE,
         "flow grid with RANSAC, corrected by ICLK on a template",
         "rklt(flow{ssm={ssm}}, iclk/{lit}/{ssm})",
     )
-    .also(&["rkl"]),
+    .also(&["rkl"])
+    .published("section 3.2"),
     ShortEntry::of(
         "lmes",
         COMPOSITE,
         "flow grid with LMedS, corrected by ESM on a template",
         "rklt(flow{ssm={ssm},estimator=lmeds}, esm/{lit}/{ssm})",
-    ),
+    )
+    .published("section 3.2"),
     ShortEntry::of("gric", COMPOSITE, "flow grid, then ICLK", flow!("iclk")),
     ShortEntry::of("grfc", COMPOSITE, "flow grid, then FCLK", flow!("fclk")),
     ShortEntry::of("gres", COMPOSITE, "flow grid, then ESM", flow!("esm")),
@@ -118,41 +139,50 @@ pub const SHORT: &[ShortEntry] = &[
         "nnic",
         COMPOSITE,
         "nearest neighbour, then ICLK",
-        after!("nn", "", "iclk"),
-    ),
+        after!("nn", "iclk"),
+    )
+    .published("section 3.2"),
     ShortEntry::of(
         "nnfc",
         COMPOSITE,
         "nearest neighbour, then FCLK",
-        after!("nn", "", "fclk"),
-    ),
+        after!("nn", "fclk"),
+    )
+    .published("section 3.2"),
     ShortEntry::of(
         "nnes",
         COMPOSITE,
         "nearest neighbour, then ESM",
-        after!("nn", "", "esm"),
-    ),
+        after!("nn", "esm"),
+    )
+    .published("section 3.2"),
     ShortEntry::of(
         "pfic",
         COMPOSITE,
         "particle filter, then ICLK",
-        after!("pf", "{max_iters=2}", "iclk"),
-    ),
+        after!("pf", "iclk"),
+    )
+    .published("section 3.2"),
     ShortEntry::of(
         "pffc",
         COMPOSITE,
         "particle filter, then FCLK",
-        after!("pf", "{max_iters=2}", "fclk"),
-    ),
+        after!("pf", "fclk"),
+    )
+    .published("section 3.2"),
     ShortEntry::of(
         "pfes",
         COMPOSITE,
         "particle filter, then ESM",
-        after!("pf", "{max_iters=2}", "esm"),
-    ),
-    ShortEntry::of("pyic", COMPOSITE, "pyramid of ICLK", "pyramid(iclk/{lit}/{ssm})").also(&["pyr"]),
-    ShortEntry::of("pyfc", COMPOSITE, "pyramid of FCLK", "pyramid(fclk/{lit}/{ssm})"),
-    ShortEntry::of("pyes", COMPOSITE, "pyramid of ESM", "pyramid(esm/{lit}/{ssm})"),
+        after!("pf", "esm"),
+    )
+    .published("section 3.2"),
+    ShortEntry::of("pyic", COMPOSITE, "pyramid of ICLK", "pyramid(iclk/{lit}/{ssm})")
+        .also(&["pyr"])
+        .published("section 3.2"),
+    ShortEntry::of("pyfc", COMPOSITE, "pyramid of FCLK", "pyramid(fclk/{lit}/{ssm})")
+        .published("section 3.2"),
+    ShortEntry::of("pyes", COMPOSITE, "pyramid of ESM", "pyramid(esm/{lit}/{ssm})").published("section 3.2"),
 ];
 
 const ROBUST: &[&str] = &["robust", "composite"];

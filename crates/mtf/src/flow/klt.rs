@@ -13,18 +13,18 @@ crate::params! {
         /// Side of the window, px; made odd.
         klt_window: usize = 21, in 3..=101;
         /// Highest level of the pyramid; 0: the image alone.
-        klt_levels: usize = 4, in 0..=10;
+        klt_levels: usize = 4, in 0..=10, paper 2 => "large motion is found: AUC of `flow` .858 against .856";
         /// Most iterations per level.
         klt_iters: usize = 30, in 1..=1000;
         /// Converged when a step is shorter than this, px.
         klt_epsilon: f64 = 0.01, in 1e-6..=1.0;
         /// Points whose windows have a smaller normalised cross-correlation in the end are lost.
-        klt_min_ncc: f64 = 0.3, in -1.0..=1.0;
+        klt_min_ncc: f64 = 0.3, in -1.0..=1.0, paper -1.0 => "windows that are covered are left out: AUC of `flow` .858 against .857";
         /// Grids of points: passes over each frame, all but the first with windows warped as the fit before says.
-        klt_passes: usize = 2, in 1..=10;
+        klt_passes: usize = 2, in 1..=10, paper 1 => "windows warped as the object are found better: AUC of `flow` .858 against .843";
         /// Grids of points: share of those with texture that must agree after one pass over the lowest levels for the rest to be
         /// left out; 0: it never is.
-        klt_enough: f64 = 0.85, in 0.0..=1.0;
+        klt_enough: f64 = 0.85, in 0.0..=1.0, paper 0.0 => "less work where most points agree; AUC of `flow` .858 against .860";
         /// Points whose window has a structure matrix (mean of ∇I ∇Iᵀ) with a smaller eigenvalue are lost, (intensity/px)².
         klt_min_eigen: f64 = 0.1, in 0.0..=1e6;
     }

@@ -96,7 +96,8 @@ pub struct Selection {
     /// Tracker expressions, in addition to the product of the lists.
     pub trackers: Vec<String>,
     /// `name=value`, where `name` may be qualified by a model (`esm.max_iters`) or a role and a model
-    /// (`sm.esm.max_iters`). Applied in order to every tracker it fits; must fit one at least.
+    /// (`sm.esm.max_iters`). Applied in order to every tracker it fits; must fit one at least. `paper=1` stands for the
+    /// published value of every parameter that has one ([`ParamInfo::paper`]) and that nothing else sets.
     pub set: Vec<(String, String)>,
 }
 
@@ -300,7 +301,7 @@ impl Registry {
     /// # Errors
     /// It is none, or names what the registry does not know.
     pub fn parse(&self, text: &str) -> Result<TrackerSpec, SpecError> {
-        Ok(self.resolve_text(text, &mut Settings::new(&[]))?.spec())
+        Ok(self.resolve_text(text, &mut Settings::none())?.spec())
     }
 
     /// Expands a selection into trackers. Combinations that cannot work are listed as refused.
@@ -310,7 +311,7 @@ impl Registry {
     pub fn expand(&self, selection: &Selection) -> Result<Expansion, SpecError> {
         let mut out = Expansion::default();
         let mut seen = BTreeSet::new();
-        let mut settings = Settings::new(&selection.set);
+        let mut settings = Settings::new(&selection.set)?;
         let lists = [&selection.sm, &selection.am, &selection.ssm, &selection.ilm];
         if selection.trackers.is_empty() || lists.iter().any(|l| !l.is_empty()) {
             let none = [IlmEntry::NONE.name.to_owned()];

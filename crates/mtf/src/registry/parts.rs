@@ -5,7 +5,7 @@ use super::table::Row;
 use crate::am::AmFamily;
 use crate::entry::{Canonical, Family};
 use crate::ilm::IlmFamily;
-use crate::params::{Assignment, Built, ParamInfo};
+use crate::params::{Assignment, Built, ParamInfo, Use};
 use crate::sm::SmFamily;
 use crate::ssm::SsmFamily;
 use std::collections::BTreeMap;
@@ -22,6 +22,8 @@ pub(super) struct Owner<'r> {
     aliases: &'static [&'static str],
     canonical: Canonical,
     pub infos: &'r [ParamInfo],
+    /// What of the row is used; all if empty.
+    uses: &'static [Use],
 }
 
 impl<'r> Owner<'r> {
@@ -32,16 +34,44 @@ impl<'r> Owner<'r> {
             aliases: row.aliases(),
             canonical: row.canonical,
             infos: row.infos,
+            uses: &[],
         }
     }
 
-    /// The parameter that a name (`max_iters`, `esm.max_iters`, `sm.esm.max_iters`) means here, if any.
+    /// The same of which only some is used.
+    fn used_for(self, uses: &'static [Use]) -> Self {
+        Owner { uses, ..self }
+    }
+
+    /// Whether a parameter changes anything that is used.
+    fn matters(&self, info: &ParamInfo) -> bool {
+        let (all, changes) = (self.uses.is_empty(), info.changes);
+        all || changes.is_empty() || changes.iter().any(|c| self.uses.contains(c))
+    }
+
+    /// The parameters that change anything.
+    pub fn mattering(&self) -> impl Iterator<Item = &'r ParamInfo> + use<'_, 'r> {
+        self.infos.iter().filter(|i| self.matters(i))
+    }
+
+    /// The parameter that a name (`max_iters`, `esm.max_iters`, `sm.esm.max_iters`) means here, if any, and it changes
+    /// anything.
     pub fn meant(&self, name: &str) -> Option<&'r ParamInfo> {
+        self.named(name).filter(|i| self.matters(i))
+    }
+
+    /// The parameter that a name means here, if any.
+    pub fn named(&self, name: &str) -> Option<&'r ParamInfo> {
         let (path, bare) = name.rsplit_once('.').unwrap_or(("", name));
         let (tag, of) = path.rsplit_once('.').unwrap_or(("", path));
         let here = (tag.is_empty() || tag == self.tag)
             && (of.is_empty() || of == self.name || self.aliases.contains(&of));
         self.infos.iter().find(|i| here && i.name == bare)
+    }
+
+    /// Canonical text of a value of one of the row's parameters.
+    pub fn canonical_of(&self, info: &ParamInfo, value: &str) -> Built<Option<String>> {
+        (self.canonical)(&[(info.name, value)], info.name)
     }
 
     /// Those of the values that are of parameters of the row.
@@ -78,7 +108,7 @@ impl<'r> Parts<'r> {
     pub fn owners(&self) -> [Owner<'r>; 4] {
         [
             Owner::new("sm", self.sm),
-            Owner::new("am", self.am),
+            Owner::new("am", self.am).used_for(self.sm.family.uses),
             Owner::new("ilm", self.ilm),
             Owner::new("ssm", self.ssm),
         ]

@@ -10,11 +10,21 @@ use crate::compose::{CompositeFamily, ShortFamily};
 use crate::entry::Family;
 use crate::expr::{self, Expr, Head, Word};
 use crate::ilm::{IlmEntry, IlmFamily};
-use crate::params::ParamError;
+use crate::params::{ParamError, ParamValue};
 use crate::ssm::SsmFamily;
 
 /// Names of parameters, as users write them, with values.
 pub(super) type Given = Vec<(String, String)>;
+
+/// The setting that gives a tracker and its members the values published ([`ParamInfo::paper`]), where nothing else is said.
+///
+/// [`ParamInfo::paper`]: crate::params::ParamInfo::paper
+pub(super) const PAPER: &str = "paper";
+
+/// What a value of [`PAPER`] says.
+fn as_published(value: &str) -> Result<bool, ParamError> {
+    bool::parse(value).ok_or_else(|| ParamError::refused::<bool>(PAPER, value, bool::allowed()))
+}
 
 /// Parameter assignments for every tracker that they fit, and what became of them.
 pub(super) struct Settings<'a> {
@@ -22,20 +32,44 @@ pub(super) struct Settings<'a> {
     used: Vec<bool>,
     /// Names of the parameters of all trackers met.
     known: Vec<&'static str>,
+    /// Whether values are those published.
+    paper: bool,
 }
 
 impl<'a> Settings<'a> {
-    pub fn new(list: &'a [(String, String)]) -> Self {
+    /// No settings.
+    pub fn none() -> Self {
         Settings {
-            list,
-            used: vec![false; list.len()],
+            list: &[],
+            used: Vec::new(),
             known: Vec::new(),
+            paper: false,
         }
+    }
+
+    /// # Errors
+    /// [`PAPER`] has another value than 0 or 1.
+    pub fn new(list: &'a [(String, String)]) -> Result<Self, ParamError> {
+        let mut paper = false;
+        for (_, value) in list.iter().filter(|(name, _)| name == PAPER) {
+            paper = as_published(value)?;
+        }
+        Ok(Settings {
+            list,
+            used: list.iter().map(|(name, _)| name == PAPER).collect(),
+            known: Vec::new(),
+            paper,
+        })
     }
 
     /// Those that fit a tracker with these parameters, under their bare names.
     fn fitting(&mut self, owners: &[Owner<'_>]) -> Values {
         let mut values = Values::new();
+        if self.paper {
+            let published = owners.iter().flat_map(Owner::mattering);
+            let published = published.filter_map(|i| Some((i.name.to_owned(), i.paper.clone()?.value)));
+            values.extend(published);
+        }
         if self.list.is_empty() {
             return values;
         }
@@ -211,7 +245,7 @@ impl Registry {
                     Method::Short(row) => {
                         let models = Models { am, ilm, ssm };
                         let list: Given = values.clone().into_iter().collect();
-                        let whole = self.resolve_text(&text(row, models), &mut Settings::new(&list))?;
+                        let whole = self.resolve_text(&text(row, models), &mut Settings::new(&list)?)?;
                         Ok(Resolved::Short {
                             row,
                             models,
@@ -236,7 +270,7 @@ impl Registry {
     ) -> Result<Resolved<'r>, SpecError> {
         let (owners, values) = tracker.own();
         let mut values = values.clone();
-        values.extend(Settings::new(more).fitting(&owners));
+        values.extend(Settings::new(more)?.fitting(&owners));
         let values = self.kept(&owners, values)?;
         Ok(match tracker {
             Resolved::Single { parts, .. } => Resolved::Single {
@@ -261,12 +295,30 @@ impl Registry {
         settings: &mut Settings<'_>,
         fault: &Fault<'_>,
     ) -> Result<Resolved<'_>, SpecError> {
-        let given = || -> Given {
-            let settings = expr.settings.iter();
-            settings.map(|(n, v)| (n.text.clone(), v.clone())).collect()
-        };
-        match &expr.head {
-            Head::Bare { name } => self.resolve_bare(name, given(), settings, fault),
+        let mut given = Given::new();
+        let mut paper = settings.paper;
+        for (name, value) in &expr.settings {
+            match name.text == PAPER {
+                true => paper = as_published(value)?,
+                false => given.push((name.text.clone(), value.clone())),
+            }
+        }
+        // It holds for the members as well, unless they say otherwise.
+        let outer = std::mem::replace(&mut settings.paper, paper);
+        let resolved = self.resolve_head(&expr.head, given, settings, fault);
+        settings.paper = outer;
+        resolved
+    }
+
+    fn resolve_head(
+        &self,
+        head: &Head,
+        given: Given,
+        settings: &mut Settings<'_>,
+        fault: &Fault<'_>,
+    ) -> Result<Resolved<'_>, SpecError> {
+        match head {
+            Head::Bare { name } => self.resolve_bare(name, given, settings, fault),
             Head::Composite { name, members } => {
                 let Some(row) = self.composites.find(&name.text) else {
                     return Err(match self.method(&name.text) {
@@ -278,7 +330,7 @@ impl Registry {
                 if !(least..=most).contains(&members.len()) {
                     return Err(fault(after(name), members_of(row)));
                 }
-                let values = self.values(&[Owner::new("composite", row)], given(), settings)?;
+                let values = self.values(&[Owner::new("composite", row)], given, settings)?;
                 let members = members.iter().map(|m| self.resolve(m, settings, fault));
                 Ok(Resolved::Composite {
                     row,
@@ -292,7 +344,7 @@ impl Registry {
                 let ilm = ilm.as_ref().map_or(IlmEntry::NONE.name, |w| &w.text);
                 let (ilm, ssm) = (self.ilms.get(ilm)?, self.ssms.get(&ssm.text)?);
                 // What the name of the model says is said before the method is looked up.
-                let given = coloured(am, given())?;
+                let given = coloured(am, given)?;
                 let unknown_sm = || unknown(&self.methods(), &sm.text);
                 let sm = self.method(&sm.text).ok_or_else(unknown_sm)?;
                 self.resolve_single(sm, Models { am: am.0, ilm, ssm }, given, settings)
@@ -373,11 +425,15 @@ impl Registry {
             expected,
         };
         let expr = expr::parse(&text).map_err(|e| fault(e.at, e.expected.to_owned()))?;
-        let with = |list: &Given| self.resolve(&expr, &mut Settings::new(list), &fault);
+        let with = |list: &Given| self.resolve(&expr, &mut Settings::new(list)?, &fault);
         let mut list = Given::new();
+        let mut given_here = Vec::new();
+        if settings.paper {
+            list.push((PAPER.to_owned(), true.text()));
+        }
         if !(given.is_empty() && settings.list.is_empty()) {
             let mut owners = Vec::new();
-            with(&list)?.every_owner(&mut owners);
+            with(&Given::new())?.every_owner(&mut owners);
             // Settings may be qualified by the short name, too.
             let bare = |name: &str| match name.rsplit_once('.') {
                 Some((path, bare)) if is_called(&row, path) => bare.to_owned(),
@@ -395,6 +451,7 @@ impl Registry {
                 if meant(&owners, &name).is_none() {
                     return Err(unknown_param(&name, names(&owners)));
                 }
+                given_here.push(name.clone());
                 list.push((name, value));
             }
         }
@@ -407,6 +464,17 @@ impl Registry {
                 let bare = name.rsplit('.').next().unwrap_or(name);
                 let canonical = spec.as_ref().and_then(|s| s.value_of(bare));
                 values.insert(name.clone(), canonical.unwrap_or(value).to_owned());
+            } else if given_here.contains(name) && !whole.has(name, value)? {
+                let mut owners = Vec::new();
+                whole.every_owner(&mut owners);
+                return Err(SpecError::Param(ParamError::Unusable {
+                    name: meant(&owners, name).unwrap_or_default(),
+                    value: value.clone(),
+                    reason: format!(
+                        "changes nothing: {} sets it itself; write out what that stands for (`list sm`)",
+                        row.name
+                    ),
+                }));
             }
         }
         Ok(Resolved::Short {
@@ -426,7 +494,16 @@ impl Registry {
     ) -> Result<Values, SpecError> {
         let mut values = settings.fitting(owners);
         for (name, value) in given {
-            let bare = meant(owners, &name).ok_or_else(|| unknown_param(&name, names(owners)))?;
+            let Some(bare) = meant(owners, &name) else {
+                return Err(match owners.iter().find_map(|o| o.named(&name)) {
+                    Some(info) => SpecError::Param(ParamError::Unusable {
+                        name: info.name,
+                        value,
+                        reason: "changes nothing that this search method uses".to_owned(),
+                    }),
+                    None => unknown_param(&name, names(owners)),
+                });
+            };
             values.insert(bare.to_owned(), value);
         }
         Ok(self.kept(owners, values)?)
@@ -470,6 +547,30 @@ impl Registry {
 }
 
 impl<'r> Resolved<'r> {
+    /// Whether a parameter has that value in it or one of its members.
+    fn has(&self, name: &str, value: &str) -> Result<bool, ParamError> {
+        let (owners, values) = self.own();
+        for owner in &owners {
+            if let Some(info) = owner.meant(name)
+                && owner.canonical_of(info, value)?.as_ref()
+                    == Some(values.get(info.name).unwrap_or(&info.default))
+            {
+                return Ok(true);
+            }
+        }
+        let members = match self {
+            Resolved::Composite { members, .. } => &members[..],
+            Resolved::Short { whole, .. } => std::slice::from_ref(&**whole),
+            Resolved::Single { .. } => &[],
+        };
+        for member in members {
+            if member.has(name, value)? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
     /// The rows whose parameters are its own or its members'.
     fn every_owner(&self, out: &mut Vec<Owner<'r>>) {
         out.extend(self.own().0);

@@ -244,7 +244,7 @@ fn a_name_alone_is_a_tracker() {
         ("feat", "feature"),
         ("rklt", "rklt/ssd/homography"),
         ("pyr", "pyic/ssd/homography"),
-        ("cascade(lms, best)", "cascade(lms/ssd/homography, best)"),
+        ("cascade(lms2, best)", "cascade(lms2/ssd/homography, best)"),
         (
             "guard(lms/ncc/homography, feature; patience=2)",
             "guard(lms/ncc/homography, feature; patience=2)",
@@ -281,6 +281,10 @@ fn a_name_alone_is_a_tracker() {
         (
             "lms{esm.max_iters=3}",
             "unknown parameter 'esm.max_iters'; did you mean 'max_iters'?",
+        ),
+        (
+            "lms{patch_size=30}",
+            "patch_size=30: changes nothing: lms sets it itself; write out what that stands for (`list sm`)",
         ),
         (
             "esm{max_iters=3",
@@ -353,4 +357,88 @@ fn numbers_beyond_reason_are_refused_with_their_bounds() {
         let whole = info.default.parse::<u64>().is_ok() && info.allowed == "a whole number";
         assert!(!whole, "{name}.{} has no bounds", info.name);
     }
+}
+
+#[test]
+fn paper_gives_the_published_values_where_nothing_else_is_said() {
+    let r = Registry::builtin();
+    for (text, id) in [
+        ("esm/riu/8{paper=1}", "esm/riu/homography{kappa=1}"),
+        ("esm/riu/8{kappa=9,paper=on}", "esm/riu/homography{kappa=9}"),
+        ("esm/riu/8{paper=0}", "esm/riu/homography"),
+        ("esm/ssd/8{paper=1}", "esm/ssd/homography"),
+        ("esm/mi/8{paper=1}", "esm/mi/homography{centred=0}"),
+        // What a search method does not use stays out of the name.
+        ("nn/mi/8{paper=1}", "nn/mi/homography{max_iters=1}"),
+        // It holds for members, unless they say otherwise.
+        (
+            "cascade(nn/ncc/8, iclk/riu/8; paper=1)",
+            "cascade(nn/ncc/homography{max_iters=1}, iclk/riu/homography{kappa=1})",
+        ),
+        (
+            "cascade(nn/ncc/8{paper=0}, iclk/riu/8){paper=1}",
+            "cascade(nn/ncc/homography, iclk/riu/homography{kappa=1})",
+        ),
+        ("nnic/ncc/8{paper=1}", "nnic/ncc/homography{paper=1}"),
+        // A short name that has the published form keeps it.
+        ("lms/ncc/8{paper=1}", "lms/ncc/homography"),
+    ] {
+        let spec = r.parse(text).unwrap();
+        assert_eq!(spec.to_string(), id, "{text}");
+        assert_eq!(r.parse(id).unwrap(), spec);
+        r.build(&spec).unwrap();
+    }
+    assert_eq!(
+        r.describe(&r.parse("nnic/ncc/8{paper=1}").unwrap()).unwrap()["stands_for"],
+        "cascade(nn/ncc/homography{max_iters=1}, iclk/ncc/homography)"
+    );
+    assert_eq!(
+        r.parse("esm/riu/8{paper=2}").unwrap_err().to_string(),
+        "paper=2: expected 0 or 1"
+    );
+    let set = |list: &[(&str, &str)]| Selection {
+        sm: list_of("esm,pf"),
+        am: list_of("riu,mi"),
+        ssm: list_of("8"),
+        set: list.iter().map(|(n, v)| (n.to_string(), v.to_string())).collect(),
+        ..Default::default()
+    };
+    let ids = |s: &Selection| {
+        r.expand(s)
+            .map(|e| e.specs.iter().map(ToString::to_string).collect::<Vec<_>>())
+    };
+    let published = ids(&set(&[("kappa", "5"), ("paper", "1"), ("pf.mean", "best")])).unwrap();
+    assert_eq!(published[0], "esm/riu/homography{kappa=5}");
+    assert_eq!(published[1], "esm/mi/homography{centred=0}");
+    assert!(published[3].starts_with("pf/mi/homography{") && published[3].contains("mean=best"));
+    // A setting for every tracker leaves out those that do not use what it changes.
+    assert_eq!(ids(&set(&[("centred", "0")])).unwrap()[3], "pf/mi/homography");
+}
+
+fn list_of(names: &str) -> Vec<String> {
+    list(&[names])
+}
+
+#[test]
+fn published_values_are_values_and_others_than_the_defaults() {
+    let r = Registry::builtin();
+    let mut count = 0;
+    for (tag, row, info) in r.params() {
+        let Some(paper) = &info.paper else { continue };
+        assert_ne!(paper.value, info.default, "{tag}.{row}.{}", info.name);
+        assert!(!paper.why.is_empty());
+        let canonical = |name: &str| -> Option<crate::entry::Canonical> {
+            let sms = r.sms().iter().map(|e| (e.name, e.canonical));
+            let ams = r.ams().iter().map(|e| (e.name, e.canonical));
+            let composites = r.composites().iter().map(|e| (e.name, e.canonical));
+            sms.chain(ams)
+                .chain(composites)
+                .find(|(n, _)| *n == name)
+                .map(|(_, c)| c)
+        };
+        let text = canonical(row).unwrap()(&[(info.name, &paper.value)], info.name);
+        assert_eq!(text.unwrap().unwrap(), paper.value, "{tag}.{row}.{}", info.name);
+        count += 1;
+    }
+    assert!(count >= 25, "{count}");
 }

@@ -47,7 +47,7 @@ pub type Haclk<A, S> = Lk<HaclkMethod, A, S>;
 use crate::am::{AppearanceModel, Capabilities};
 use crate::entry::{Entry, Family};
 use crate::ilm::IlluminationModel;
-use crate::params::{Assignment, Built};
+use crate::params::{Assignment, Built, Use};
 use crate::ssm::{SsmCapabilities, StateSpaceModel};
 use crate::tracker::Tracker;
 
@@ -89,6 +89,8 @@ pub struct SmFamily {
     /// Fails when the value of a parameter does not go with an appearance model that is not refused. What builds the tracker
     /// fails then, too.
     pub suits: fn(&[Assignment<'_>], &Capabilities) -> Built<()>,
+    /// What it uses of an appearance model: parameters that change nothing of it are refused.
+    pub uses: &'static [Use],
     /// Builds a tracker that estimates the illumination as well; `None` for methods that cannot.
     pub build_lit: Option<BuildLit>,
 }
@@ -99,6 +101,7 @@ impl SmFamily {
         refuses: |_, _| None,
         refuses_ssm: |_| None,
         suits: |_, _| Ok(()),
+        uses: &[Use::Scores, Use::Derivatives, Use::Distances],
         build_lit: None,
     };
 }

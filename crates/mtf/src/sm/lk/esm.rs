@@ -78,8 +78,7 @@ impl Symmetric {
             kit.follow_template(&mut self.j0, &mut self.initial);
         } else {
             kit.template_jacobian(template, &mut self.j0);
-            kit.am
-                .self_hessian_into(Side::Template, &self.j0, &mut self.initial);
+            kit.template_self_hessian(template, &self.j0, &mut self.initial);
         }
         kit.compute_jacobian(current);
         match kit.hess {
@@ -129,6 +128,7 @@ pub struct EsmMethod(Symmetric);
 impl LkMethod for EsmMethod {
     type Extra = EsmParams;
     const NAME: &'static str = "esm";
+    const PUBLISHED: Option<&'static str> = Some("algorithm 3");
     const ALIASES: &'static [&'static str] = &[];
     const SUMMARY: &'static str = "efficient second-order minimisation";
     const HESSIANS: &'static [Hessian] = HESSIANS;

@@ -4,7 +4,7 @@ use super::fclk::{Constant, forward, initial_self};
 use super::kit::Kit;
 use super::method::LkMethod;
 use super::params::Hessian;
-use crate::am::Normal;
+use crate::am::{Normal, Side};
 use crate::params::NoParams;
 use crate::ssm::{Increment, JacobianKind, StateSpaceModel};
 
@@ -16,6 +16,7 @@ pub struct FalkMethod {
 impl LkMethod for FalkMethod {
     type Extra = NoParams;
     const NAME: &'static str = "falk";
+    const PUBLISHED: Option<&'static str> = Some("algorithm 5");
     const ALIASES: &'static [&'static str] = &["fa"];
     const SUMMARY: &'static str = "forward additive Lucas-Kanade";
     const HESSIANS: &'static [Hessian] = &[Hessian::CurrentSelf, Hessian::InitialSelf, Hessian::Std];
@@ -29,6 +30,13 @@ impl LkMethod for FalkMethod {
     }
     fn reads_gradient(_: Hessian) -> bool {
         true
+    }
+    /// The current side's gradient is the image's; only the template's is warped.
+    fn reads_warped_gradient(hess: Hessian) -> bool {
+        hess == Hessian::InitialSelf
+    }
+    fn reads_side(hess: Hessian, side: Side) -> bool {
+        side == Side::Current || hess == Hessian::InitialSelf
     }
     fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>) {
         if kit.hess == Hessian::InitialSelf {

@@ -21,7 +21,7 @@ pub(super) fn initial_self<S: StateSpaceModel>(
 ) {
     kit.template_jacobian(kind, j0);
     h.reset(kit.dof());
-    kit.am.self_hessian_into(Side::Template, j0, h);
+    kit.template_self_hessian(kind, j0, h);
 }
 
 /// One forward linearisation, additive or compositional.
@@ -50,6 +50,7 @@ pub struct FclkMethod {
 impl LkMethod for FclkMethod {
     type Extra = NoParams;
     const NAME: &'static str = "fclk";
+    const PUBLISHED: Option<&'static str> = Some("algorithm 2");
     const ALIASES: &'static [&'static str] = &["fc"];
     const SUMMARY: &'static str = "forward compositional Lucas-Kanade";
     const HESSIANS: &'static [Hessian] = &[Hessian::CurrentSelf, Hessian::InitialSelf, Hessian::Std];
@@ -63,6 +64,9 @@ impl LkMethod for FclkMethod {
     }
     fn reads_gradient(_: Hessian) -> bool {
         true
+    }
+    fn reads_side(hess: Hessian, side: Side) -> bool {
+        side == Side::Current || hess == Hessian::InitialSelf
     }
     fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>) {
         if kit.hess == Hessian::InitialSelf {

@@ -8,7 +8,7 @@ use super::kit::Kit;
 use super::method::LkMethod;
 use super::params::Hessian;
 use super::relaxation::dot;
-use crate::am::Normal;
+use crate::am::{Normal, Side};
 use crate::ssm::{Increment, JacobianKind, StateSpaceModel};
 
 crate::params! {
@@ -43,6 +43,9 @@ impl LkMethod for FcsdMethod {
     }
     fn reads_gradient(_: Hessian) -> bool {
         true
+    }
+    fn reads_side(hess: Hessian, side: Side) -> bool {
+        side == Side::Current || hess == Hessian::InitialSelf
     }
     fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>) {
         self.direction = vec![0.0; kit.dof()];

@@ -33,6 +33,9 @@ impl LkMethod for HaclkMethod {
     fn reads_gradient(_: Hessian) -> bool {
         true
     }
+    fn reads_side(hess: Hessian, side: Side) -> bool {
+        side == Side::Current || hess == Hessian::InitialSelf
+    }
     fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>) {
         self.truth.reset(kit.dof());
     }

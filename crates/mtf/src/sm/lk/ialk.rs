@@ -17,6 +17,7 @@ pub struct IalkMethod;
 impl LkMethod for IalkMethod {
     type Extra = NoParams;
     const NAME: &'static str = "ialk";
+    const PUBLISHED: Option<&'static str> = Some("algorithm 4");
     const ALIASES: &'static [&'static str] = &["ia"];
     const SUMMARY: &'static str = "inverse additive Lucas-Kanade";
     const HESSIANS: &'static [Hessian] = &[Hessian::InitialSelf, Hessian::Std];
@@ -28,6 +29,9 @@ impl LkMethod for IalkMethod {
     }
     fn reads_gradient(_: Hessian) -> bool {
         false
+    }
+    fn reads_side(hess: Hessian, side: Side) -> bool {
+        side == Side::Template || hess == Hessian::CurrentSelf
     }
     fn prepare<S: StateSpaceModel>(&mut self, _: &mut Kit<'_, S>) {}
     fn linearise<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>, out: &mut Normal) {

@@ -20,6 +20,7 @@ pub struct IclkMethod {
 impl LkMethod for IclkMethod {
     type Extra = NoParams;
     const NAME: &'static str = "iclk";
+    const PUBLISHED: Option<&'static str> = Some("algorithm 1");
     const ALIASES: &'static [&'static str] = &["ic"];
     const SUMMARY: &'static str = "inverse compositional Lucas-Kanade, constant Jacobian and Hessian";
     const HESSIANS: &'static [Hessian] = &[Hessian::InitialSelf, Hessian::CurrentSelf, Hessian::Std];
@@ -34,6 +35,9 @@ impl LkMethod for IclkMethod {
     }
     fn reads_gradient(hess: Hessian) -> bool {
         hess == Hessian::CurrentSelf
+    }
+    fn reads_side(hess: Hessian, side: Side) -> bool {
+        side == Side::Template || hess == Hessian::CurrentSelf
     }
     fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>) {
         initial_self(kit, JacobianKind::Template, (&mut self.j0, &mut self.initial));

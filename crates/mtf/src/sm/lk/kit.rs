@@ -68,6 +68,12 @@ impl<S: StateSpaceModel> Kit<'_, S> {
         }
     }
 
+    /// Self Hessian of the template with a Jacobian of its own, of that kind, with second-order terms if wanted.
+    pub fn template_self_hessian(&mut self, kind: JacobianKind, j0: &Jacobian, h: &mut SymMatrix) {
+        self.am.self_hessian_into(Side::Template, j0, h);
+        self.add_second_order_with(Side::Template, Curvature::SelfHessian, kind, j0, 1.0, h);
+    }
+
     /// Brings the template's Jacobian and self Hessian up to date where they change with the present state: for warps
     /// that are no group, for illumination on the current side, for models that weigh values.
     pub fn follow_template(&mut self, j0: &mut Jacobian, initial: &mut SymMatrix) {
@@ -76,7 +82,7 @@ impl<S: StateSpaceModel> Kit<'_, S> {
             self.template_jacobian(JacobianKind::Template, j0);
         }
         if moves || self.am.weighted() {
-            self.am.self_hessian_into(Side::Template, j0, initial);
+            self.template_self_hessian(JacobianKind::Template, j0, initial);
         }
     }
 
@@ -125,9 +131,9 @@ impl<S: StateSpaceModel> Kit<'_, S> {
     }
 
     fn curvature(&self) -> Curvature {
-        match self.hess {
-            Hessian::Std | Hessian::SumOfStd | Hessian::Original => Curvature::Standard,
-            _ => Curvature::SelfHessian,
+        match self.hess.is_standard() {
+            true => Curvature::Standard,
+            false => Curvature::SelfHessian,
         }
     }
 
@@ -147,7 +153,7 @@ impl<S: StateSpaceModel> Kit<'_, S> {
         let curvature = self.curvature();
         self.am
             .linearise(side, curvature, j, &mut self.buffers.scratch, out);
-        self.add_second_order_with(side, kind, j, 1.0, &mut out.hessian);
+        self.add_second_order_with(side, curvature, kind, j, 1.0, &mut out.hessian);
     }
 
     /// First-order standard Hessian of a side with the computed Jacobian.
@@ -160,29 +166,35 @@ impl<S: StateSpaceModel> Kit<'_, S> {
         &mut self.buffers.j
     }
 
-    /// Adds `factor Σ_i f_side[i] K_i` to `h` when second-order terms are wanted and the Hessian is a standard one. The
-    /// computed Jacobian is of that kind.
+    /// Adds `factor Σ_i f_side[i] K_i` to `h` when second-order terms are wanted; for a self Hessian `f_side` is the
+    /// gradient of the side's patch compared with itself. The computed Jacobian is of that kind.
     pub fn add_second_order(&mut self, side: Side, kind: JacobianKind, factor: f32, h: &mut SymMatrix) {
         let j = std::mem::take(&mut self.buffers.j);
-        self.add_second_order_with(side, kind, &j, factor, h);
+        self.add_second_order_with(side, self.curvature(), kind, &j, factor, h);
         self.buffers.j = j;
     }
 
     fn add_second_order_with(
         &mut self,
         side: Side,
+        curvature: Curvature,
         kind: JacobianKind,
         j: &Jacobian,
         factor: f32,
         h: &mut SymMatrix,
     ) {
-        if !self.second_order || self.curvature() != Curvature::Standard {
+        if !self.second_order {
             return;
         }
         let Some(terms) = self.ssm.second_order() else {
             return;
         };
-        self.am.gradient_into(side, &mut self.buffers.scratch);
+        let weights = &mut self.buffers.scratch;
+        match (curvature, self.am.self_gradient()) {
+            (Curvature::Standard, _) => self.am.gradient_into(side, weights),
+            (Curvature::SelfHessian, Some(own)) => own.self_gradient_into(side, weights),
+            (Curvature::SelfHessian, None) => return,
+        }
         self.buffers.scratch.iter_mut().for_each(|w| *w *= factor);
         if !kind.of_template() {
             self.sampling.sample_hessian(self.image, self.buffers);

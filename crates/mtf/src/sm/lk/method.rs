@@ -2,7 +2,7 @@
 
 use super::kit::Kit;
 use super::params::Hessian;
-use crate::am::Normal;
+use crate::am::{Normal, Side};
 use crate::params::Params;
 use crate::ssm::{Increment, StateSpaceModel};
 
@@ -16,6 +16,8 @@ pub trait LkMethod: Send + Sized + 'static {
     const ALIASES: &'static [&'static str];
     /// One line for `list sm`.
     const SUMMARY: &'static str;
+    /// Algorithm of the paper, if it is one.
+    const PUBLISHED: Option<&'static str> = None;
     /// Hessians it allows, its default first.
     const HESSIANS: &'static [Hessian];
     /// How its step is applied.
@@ -31,6 +33,14 @@ pub trait LkMethod: Send + Sized + 'static {
     fn new(extra: Self::Extra) -> Self;
     /// Whether iterations read image gradients at the current points.
     fn reads_gradient(hess: Hessian) -> bool;
+    /// Whether it reads gradients of the warped image, which `chained_warp` chooses.
+    fn reads_warped_gradient(_: Hessian) -> bool {
+        true
+    }
+    /// Whether it reads derivatives of the similarity on that side.
+    fn reads_side(_: Hessian, _: Side) -> bool {
+        true
+    }
     /// Computes what stays constant while the template and the base frame do.
     fn prepare<S: StateSpaceModel>(&mut self, kit: &mut Kit<'_, S>);
     /// Told which of its searches of a frame begins.

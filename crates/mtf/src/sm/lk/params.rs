@@ -23,6 +23,13 @@ param_enum! {
     }
 }
 
+impl Hessian {
+    /// Whether it is of the similarity as it stands, not of a patch compared with itself.
+    pub fn is_standard(self) -> bool {
+        matches!(self, Hessian::Std | Hessian::SumOfStd | Hessian::Original)
+    }
+}
+
 crate::params! {
     /// Parameters of all gradient search methods.
     pub struct LkParams {
@@ -32,7 +39,7 @@ crate::params! {
         epsilon: f64 = 1e-4, in 0.0..=1e6;
         /// Hessian: auto (the method's own default), initial_self, current_self, std; ESM also sum_of_self, original, sum_of_std.
         hess: Hessian = Hessian::Auto;
-        /// Second-order terms in std Hessians.
+        /// Second-order terms in the Hessian; self Hessians have them with models whose gradient does not vanish at alignment.
         second_order: bool = false;
         /// Levenberg-Marquardt damping, steps accepted by the similarity (centred models: by the size of the gradient).
         leven_marq: bool = false;

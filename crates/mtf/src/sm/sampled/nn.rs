@@ -13,7 +13,7 @@ use crate::geom::{Corners, homography};
 use crate::image::{Frame, Image};
 use crate::interrupt;
 use crate::kernels;
-use crate::params::{Assignment, Built, ParamError, ParamValue, Params};
+use crate::params::{Assignment, Built, ParamError, ParamValue, Params, Use};
 use crate::sm::sampling::SamplingParams;
 use crate::sm::workspace::Buffers;
 use crate::sm::{SmEntry, SmFamily};
@@ -29,7 +29,7 @@ crate::params! {
         /// Samples, the undisturbed region included.
         n_samples: usize = 2000, in 2..=1_000_000;
         /// Most iterations per frame.
-        max_iters: usize = 10, in 1..=100_000;
+        max_iters: usize = 10, in 1..=100_000, paper 1 => "each further look starts nearer: AUC .962 against .692";
         /// Converged when the corners' squared motion, summed over all eight coordinates, falls below this; px².
         epsilon: f64 = 1e-4, in 0.0..=1e6;
         /// Increments are additive or compositional.
@@ -476,8 +476,10 @@ pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
                 .then_some("has no feature to measure distances by")
         },
         suits,
+        uses: &[Use::Distances],
         ..SmFamily::UNDEMANDING
     },
 )
 .also(&["nearest_neighbour"])
+.published("algorithm 6")
 .in_groups(&["stochastic"]);

@@ -8,11 +8,11 @@
 use super::probe::Probe;
 use super::resample::{Resampling, effective, resample, temper};
 use super::step::Step;
-use crate::am::{self, AppearanceModel};
+use crate::am::{self, AppearanceModel, Capabilities};
 use crate::geom::Corners;
 use crate::image::{Frame, Image};
 use crate::interrupt;
-use crate::params::{Params, param_enum};
+use crate::params::{Assignment, Built, ParamError, ParamValue, Params, Use, param_enum};
 use crate::sm::sampling::SamplingParams;
 use crate::sm::template::Learning;
 use crate::sm::workspace::Buffers;
@@ -63,7 +63,7 @@ crate::params! {
         /// Passes end when the estimate's corners move less than this: squared, summed over all eight coordinates; px².
         epsilon: f64 = 1e-4, in 0.0..=1e6;
         /// Motion: random_walk or ar1 (the last motion, damped, and a random step). Later passes of a frame walk at random.
-        dynamics: Dynamics = Dynamics::Ar1;
+        dynamics: Dynamics = Dynamics::Ar1, paper Dynamics::RandomWalk => "an object that moved goes on moving: AUC .824 against .646";
         /// Share of the last motion that ar1 expects again.
         ar_factor: f64 = 0.8, in 0.0..=1.0;
         /// Steps are additive or compositional.
@@ -79,19 +79,19 @@ crate::params! {
         shrink: f64 = 0.6, in 0.01..=1.0;
         /// Weights: tempered, am, gaussian or reciprocal. With m = f(T,T) - f, divided by f(T,T), or where that is 0 by the
         /// number of values: gaussian exp(-m / 2 measurement_sigma), reciprocal 1 / (1 + m).
-        likelihood: Likelihood = Likelihood::Tempered;
+        likelihood: Likelihood = Likelihood::Tempered, paper Likelihood::Am => "one setting for models of any scale, and finer: SR@1 .39 against .21 (AUC .824 against .833)";
         /// Tempered weights: effective particles as a share of all.
         effective_share: f64 = 0.05, in 1e-4..=1.0;
         /// Deviation of gaussian weights.
         measurement_sigma: f64 = 0.002, in 1e-9..=1e9;
         /// none, binary (multinomial, binary search), linear (multinomial, linear search), residual or systematic.
-        resampling: Resampling = Resampling::Systematic;
+        resampling: Resampling = Resampling::Systematic, paper Resampling::Binary => "one random number instead of one per particle, and less scatter: AUC .824 with both";
         /// Resample only when the effective share of the particles is at most this; 0: always.
         adaptive_resampling: f64 = 0.0, in 0.0..=1.0;
         /// Estimate: best, state, corners or group (mean).
-        mean: Estimate = Estimate::Corners;
+        mean: Estimate = Estimate::Corners, paper Estimate::State => "does not depend on the coordinates of the warp: AUC .824 against .820";
         /// After each pass all particles go to the estimate.
-        reset_to_mean: bool = true;
+        reset_to_mean: bool = true, paper false => "a cloud that stays together finds finer steps: AUC .824 against .715";
         /// Sets of deviations get particles by how well theirs did.
         adapt_sets: bool = false;
         /// Share of an even split that each set keeps.
@@ -593,15 +593,34 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Pf<A, S
 
 type AllParams = (SamplingParams, PfParams);
 
+/// Fails for a switch that would change nothing.
+fn suits(assignments: &[Assignment<'_>], _: &Capabilities) -> Built<()> {
+    let (_, params) = AllParams::from_assignments(assignments)?;
+    if params.adapt_sets && params.sigma.0.len() == 1 {
+        return Err(ParamError::Unusable {
+            name: "adapt_sets",
+            value: true.text(),
+            reason: "changes nothing with a single set; give sigma several".to_owned(),
+        });
+    }
+    Ok(())
+}
+
 /// The table row.
 pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
     "pf",
     "particle filter",
-    |a, am, ssm| {
+    |a, mut am, ssm| {
+        suits(a, &Capabilities::of(&mut *am))?;
         let (sampling, params) = AllParams::from_assignments(a)?;
         Ok(Box::new(Pf::with_params(sampling, params, am, ssm)))
     },
-    SmFamily::UNDEMANDING,
+    SmFamily {
+        suits,
+        uses: &[Use::Scores],
+        ..SmFamily::UNDEMANDING
+    },
 )
 .also(&["particle_filter"])
+.published("algorithm 7")
 .in_groups(&["stochastic"]);

@@ -14,7 +14,7 @@ use crate::geom::{Corners, homography};
 use crate::image::{Frame, Image};
 use crate::interrupt;
 use crate::kernels;
-use crate::params::{Params, Resolution};
+use crate::params::{Params, Resolution, Use};
 use crate::sm::sampling::SamplingParams;
 use crate::sm::workspace::Buffers;
 use crate::sm::{SmEntry, SmFamily};
@@ -338,6 +338,7 @@ pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
             (am.metric != Some(Metric::SquaredL2)).then_some("has no features with Euclidean distances")
         },
         refuses_ssm: |ssm| (!ssm.compositional).then_some("does not compose"),
+        uses: &[Use::Distances],
         ..SmFamily::UNDEMANDING
     },
 )
