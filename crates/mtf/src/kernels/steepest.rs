@@ -141,6 +141,8 @@ fn carry<V: Lanes>(x: &[f32], y: &[f32], q: &Covectors<'_>, start: usize, out: [
     let a = [V::splat_each(a0), V::splat_each(a1), V::splat_each(a2)];
     let (cx, cy) = (V::splat(q.centre[0]), V::splat(q.centre[1]));
     let one = V::splat(1.0);
+    // Not `map`: the compiler leaves closures over lanes without the wide instructions.
+    #[allow(clippy::manual_map)]
     let denominator = match q.denominator {
         Some(d) => Some(V::splat_each(d)),
         None => None,
