@@ -124,7 +124,6 @@ pub(in crate::sm) const fn entry<M: LkMethod>() -> SmEntry {
             build_lit: Some(|a, am, ssm, light| {
                 Ok(Box::new(build::<M, _, _>(a, am, ssm)?.with_illumination(light)))
             }),
-            ..SmFamily::UNDEMANDING
         },
     )
     .also(M::ALIASES)
