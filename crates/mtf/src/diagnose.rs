@@ -2,7 +2,7 @@
 //! and of whole chains (similarity of a warped real image) for any combination.
 //!
 //! Numeric derivatives are central differences of slow `f64` definitions ([`AppearanceModel::reference`],
-//! [`StateSpaceModel::point`]); nothing of the fast kernels enters them. Used by the `diagnose` command and by the
+//! [`ssm::Reference::point`](crate::ssm::Reference::point)); nothing of the fast kernels enters them. Used by the `diagnose` command and by the
 //! conformance tests.
 
 use crate::am::{self, AmEntry, AppearanceModel, Curvature, Derivatives, Normal, PatchShape, Side};
