@@ -82,7 +82,15 @@ fn a_merge_never_deletes_what_it_joins() {
     merge(&["--force", "all", "s2", "s1"]).success();
     assert_same(&dir.join("whole"), &dir.join("all"));
     assert!(shard == reproducible(&dir.join("s1")));
-    assert!(!dir.join("all.merged").exists());
+    // Nothing is left beside it, and a shard within it is kept.
+    let hidden = |name: &std::ffi::OsStr| name.to_string_lossy().starts_with(".merge");
+    let names = fs::read_dir(dir).unwrap().map(|entry| entry.unwrap().file_name());
+    assert_eq!(names.filter(|name| hidden(name)).count(), 0);
+    fs::create_dir_all(dir.join("all/frames")).unwrap();
+    fs::rename(dir.join("s2"), dir.join("all/frames/s2")).unwrap();
+    let within = merge(&["--force", "all", "s1", "all/frames/s2"]).code(11);
+    assert!(said(&within).contains("holds the shard"), "{}", said(&within));
+    fs::rename(dir.join("all/frames/s2"), dir.join("s2")).unwrap();
     // Into a shard itself: what it holds stays, and the others come to it.
     merge(&["s1", "./s1", "s2"]).success();
     assert_same(&dir.join("whole"), &dir.join("s1"));

@@ -13,7 +13,7 @@ use crate::run::error::RunError;
 use crate::store::Durable;
 use crate::store::StoreError;
 use crate::store::framelog::{score_log, unpack_log};
-use crate::store::held::ended_as;
+use crate::store::held::{Endings, ending};
 use crate::store::host::{build, host_name};
 use crate::store::journal::{Entry, EntryStatus, Journal, UnitTime};
 use crate::store::rundir::{RunDir, digest};
@@ -45,13 +45,13 @@ impl ResultSource<'_> {
     pub fn finish(&self, units: &[Unit], pool: &rayon::ThreadPool) -> Result<(Results, Failed), RunError> {
         // A tracker at a time, so that the errors of all frames of all trackers are never in memory together.
         let trackers: Vec<&[Unit]> = units.chunk_by(|a, b| a.tracker == b.tracker).collect();
-        let made_from = ended_as(self.journal, self.keys, units)?.unwrap_or_default();
-        let parts: Vec<(Vec<(Unit, UnitTime)>, Failed, Results)> = pool.install(|| {
+        let parts: Vec<(Vec<u64>, Vec<(Unit, UnitTime)>, Failed, Results)> = pool.install(|| {
             let load = |units: &&[Unit]| -> Result<_, RunError> {
-                let (mut times, mut failed) = (Vec::new(), Vec::new());
+                let (mut endings, mut times, mut failed) = (Vec::new(), Vec::new(), Vec::new());
                 let mut loaded: Vec<(&Unit, UnitResult)> = Vec::new();
                 for unit in *units {
-                    let (entry, result) = self.load(unit)?;
+                    let (ending, entry, result) = self.load(unit)?;
+                    endings.push(ending);
                     match entry.reason {
                         Some(reason) => failed.push((self.plan.describe(unit), reason)),
                         None => times.push((*unit, entry.time)),
@@ -70,13 +70,14 @@ impl ResultSource<'_> {
                     }
                     results.extend(aggregate_tracker(self.metrics, &own));
                 }
-                Ok((times, failed, results))
+                Ok((endings, times, failed, results))
             };
             trackers.par_iter().map(load).collect::<Result<_, _>>()
         })?;
         let mut results = Results::new(self.metrics);
-        let (mut times, mut failed) = (Vec::new(), Vec::new());
-        for (part_times, part_failed, part) in parts {
+        let (mut made_from, mut times, mut failed) = (Endings::default(), Vec::new(), Vec::new());
+        for (endings, part_times, part_failed, part) in parts {
+            endings.into_iter().for_each(|ending| made_from.add(ending));
             times.extend(part_times);
             failed.extend(part_failed);
             results.extend(part);
@@ -84,15 +85,15 @@ impl ResultSource<'_> {
         write_timing(self.dir, self.plan, &times)?;
         let about = About {
             sequence_curves: units.len() <= CURVE_UNITS,
-            made_from,
+            made_from: made_from.finish(),
             ..About::default()
         };
         self.exporters.write(self.dir.path(), &results, &about)?;
         Ok((results, failed))
     }
 
-    /// The unit's result as it stands on disk.
-    fn load(&self, unit: &Unit) -> Result<(Entry, UnitResult), StoreError> {
+    /// How the unit ended, its line and its result, as they stand on disk.
+    fn load(&self, unit: &Unit) -> Result<(u64, Entry, UnitResult), StoreError> {
         let damaged = |path: PathBuf, reason: String| StoreError::Damaged { path, reason };
         let sequence = &self.plan.sequences[unit.sequence as usize];
         let tracker = &self.plan.trackers[unit.tracker as usize];
@@ -102,7 +103,7 @@ impl ResultSource<'_> {
             .journal
             .get(&self.keys.of(unit))?
             .ok_or_else(|| damaged(journal(), format!("no line for {}", self.plan.describe(unit))))?;
-        let start = unit.start as usize;
+        let (ending, start) = (ending(&entry), unit.start as usize);
         let errors = match (&entry.status, &entry.log, entry.errors.take()) {
             (EntryStatus::Failed, ..) => Errors::lost(self.metrics, truth.scored(start), truth.dense(start)),
             (_, Some(_), _) => {
@@ -132,7 +133,7 @@ impl ResultSource<'_> {
             status,
             errors,
         };
-        Ok((entry, result))
+        Ok((ending, entry, result))
     }
 }
 

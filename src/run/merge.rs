@@ -10,7 +10,7 @@ use crate::run::error::RunError;
 use crate::run::finish::{self, ResultSource};
 use crate::run::observer::Observer;
 use crate::run::pool::pool;
-use crate::run::runner::RunReport;
+use crate::run::runner::{RunReport, one_build};
 use crate::store::StoreError;
 use crate::store::held::{Held, held};
 use crate::store::journal::{Entry, Journal, JournalWriter};
@@ -18,12 +18,12 @@ use crate::store::lock::Holder;
 use crate::store::rundir::{Recorded, RunDir};
 use crate::store::truth;
 use rayon::prelude::*;
-use serde_json::Map;
-use serde_json::Value;
+use serde_json::{Map, Value};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use tempfile::TempDir;
 
 /// What to join, and where.
 #[derive(Clone, Debug)]
@@ -80,15 +80,16 @@ struct Part {
 /// [`StoreError::Mismatch`] when directories are of different runs or disagree about a unit, [`StoreError::Locked`] when one
 /// is being written to, and what reading and writing may meet.
 pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, RunError> {
-    let mut sources = distinct(&request.parts)?;
-    let is_out = |part: &PathBuf| same(part, &request.out);
+    let mut sources = distinct(&request.parts);
+    let is_out = |part: &PathBuf| resolved(part) == resolved(&request.out);
+    let within = |part: &&PathBuf| resolved(part).starts_with(resolved(&request.out));
     if request.force
-        && let Some(part) = sources.iter().find(|part| is_out(part))
+        && let Some(part) = sources.iter().find(within)
     {
         return Err(StoreError::Mismatch {
             path: request.out.clone(),
             reason: format!(
-                "it is also the shard {}, which --force would discard; leave --force out, or choose another directory",
+                "it is or holds the shard {}, which --force would discard; leave --force out, or choose another directory",
                 part.display()
             ),
         }
@@ -186,22 +187,21 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
         return Ok(Merged::Incomplete(missing));
     }
     let builds = chosen.iter().filter_map(|choice| choice.build.clone()).collect();
-    one_origin(&request.out, &builds, request.mix_builds)?;
+    one_build(&request.out, &builds, request.mix_builds)?;
 
     let truth = truth::read(&first.join("truth.csv"), &plan.sequences, &truth)?;
     let files: Vec<&str> = request.exporters.files().collect();
-    // What the directory held is discarded last: everything is there first, beside it.
-    let aside = request.force && request.out.exists();
-    let place = if aside {
-        beside(&request.out)?
-    } else {
-        request.out.clone()
+    // What the directory held is discarded last: everything is there first, in a folder beside it that is this merge's own.
+    let aside = match request.force && request.out.exists() {
+        true => {
+            // Refuses what is no run directory, or is being written to.
+            drop(RunDir::open(&request.out, false, &files)?);
+            Some(beside(&request.out)?)
+        }
+        false => None,
     };
-    if aside {
-        // Refuses what is no run directory, or is being written to.
-        drop(RunDir::open(&request.out, false, &files)?);
-    }
-    let (mut dir, _) = RunDir::open(&place, request.force, &files)?;
+    let place = aside.as_ref().map_or(request.out.as_path(), TempDir::path);
+    let (mut dir, _) = RunDir::open(place, request.force, &files)?;
     dir.lay_out(&plan);
     let mut host = finish::host(pool.current_num_threads());
     host.insert("merged".into(), request.parts.len().into());
@@ -212,7 +212,7 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
         .iter()
         .zip(&chosen)
         .filter_map(|(unit, choice)| Some((unit, &parts[choice.part?])))
-        .filter(|(_, part)| aside || part.dir.path() != request.out)
+        .filter(|(_, part)| aside.is_some() || part.dir.path() != request.out)
         .collect();
     pool.install(|| {
         let copy = |&(unit, part): &(&Unit, &Part)| -> Result<(), StoreError> {
@@ -243,9 +243,9 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
     };
     let (results, failed) = source.finish(&units, &pool)?;
     drop(dir);
-    if aside {
+    if let Some(aside) = &aside {
         let (old, _) = RunDir::open(&request.out, true, &files)?;
-        take_in(&place, &old)?;
+        take_in(aside.path(), &old)?;
     }
     Ok(Merged::Complete(Box::new(RunReport {
         path: request.out.clone(),
@@ -258,34 +258,25 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
 }
 
 /// Each directory once, however often and by whatever path it is named.
-fn distinct(parts: &[PathBuf]) -> Result<Vec<PathBuf>, StoreError> {
-    let mut out: Vec<PathBuf> = Vec::new();
-    for part in parts {
-        if !out.iter().any(|known| same(known, part)) {
-            out.push(part.clone());
-        }
-    }
-    Ok(out)
+fn distinct(parts: &[PathBuf]) -> Vec<PathBuf> {
+    let mut seen = BTreeSet::new();
+    let new = |part: &&PathBuf| seen.insert(resolved(part));
+    parts.iter().filter(new).cloned().collect()
 }
 
-/// Whether two paths lead to one directory.
-fn same(a: &Path, b: &Path) -> bool {
-    match (a.canonicalize(), b.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => a == b,
-    }
+/// What `path` leads to, links resolved; itself where there is nothing.
+fn resolved(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
 }
 
-/// A directory beside `out` that nothing else is in.
-fn beside(out: &Path) -> Result<PathBuf, StoreError> {
-    let out = out.canonicalize().map_err(|e| StoreError::io(out, e))?;
-    let mut name = out.file_name().unwrap_or_default().to_os_string();
-    name.push(".merged");
-    let place = out.with_file_name(name);
-    match fs::remove_dir_all(&place) {
-        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(StoreError::io(&place, e)),
-        _ => Ok(place),
-    }
+/// A new folder beside `out`, removed when it is dropped.
+fn beside(out: &Path) -> Result<TempDir, StoreError> {
+    let folder = resolved(out);
+    let folder = folder.parent().unwrap_or(&folder);
+    tempfile::Builder::new()
+        .prefix(".merge-")
+        .tempdir_in(folder)
+        .map_err(|e| StoreError::io(folder, e))
 }
 
 /// Moves all files of the directory `from` into the run directory `to`, which was emptied. The journal goes last: without
@@ -299,19 +290,7 @@ fn take_in(from: &Path, to: &RunDir) -> Result<(), StoreError> {
         let (old, new) = (from.join(&name), to.path().join(&name));
         fs::rename(&old, &new).map_err(|e| StoreError::io(&new, e))?;
     }
-    fs::remove_dir_all(from).map_err(|e| StoreError::io(from, e))
-}
-
-/// Checks that results of several parts were made by one build, unless they may be mixed.
-fn one_origin(path: &Path, builds: &BTreeSet<String>, mix: bool) -> Result<(), StoreError> {
-    if builds.len() < 2 || mix {
-        return Ok(());
-    }
-    let builds: Vec<&str> = builds.iter().map(String::as_str).collect();
-    Err(StoreError::OtherBuild {
-        path: path.to_path_buf(),
-        builds: builds.join(", "),
-    })
+    Ok(())
 }
 
 /// Where a unit's result is to come from.
@@ -325,6 +304,7 @@ struct Choice {
     unusable: Option<PathBuf>,
 }
 
+/// The part that has the unit's result, which must not differ between parts.
 fn choose(parts: &[Part], plan: &Plan, keys: &UnitKeys, unit: &Unit) -> Result<Choice, StoreError> {
     let key = keys.of(unit);
     let mut best: Option<(usize, Box<Entry>)> = None;

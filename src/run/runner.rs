@@ -105,7 +105,8 @@ pub fn run(
         done.push(build.is_some());
         builds.extend(build);
     }
-    one_build(&request.out, builds, request.mix_builds)?;
+    builds.insert(build().to_owned());
+    one_build(&request.out, &builds, request.mix_builds)?;
     let last = Last::of(&dir);
     let mut host = finish::host(threads);
     host.insert("shard".into(), request.shard.map(|s| s.to_string()).into());
@@ -236,15 +237,14 @@ impl Last {
     }
 }
 
-/// Checks that this build of the program made all results, unless they may be mixed.
-pub(crate) fn one_build(path: &Path, mut builds: BTreeSet<String>, mix: bool) -> Result<(), StoreError> {
-    builds.remove(build());
-    if builds.is_empty() || mix {
+/// Checks that one build of the program made all results, unless they may be mixed.
+pub(crate) fn one_build(path: &Path, builds: &BTreeSet<String>, mix: bool) -> Result<(), StoreError> {
+    if builds.len() < 2 || mix {
         return Ok(());
     }
-    let others: Vec<String> = builds.into_iter().collect();
+    let builds: Vec<&str> = builds.iter().map(String::as_str).collect();
     Err(StoreError::OtherBuild {
         path: path.to_path_buf(),
-        builds: format!("this is {}, they are of {}", build(), others.join(", ")),
+        builds: builds.join(", "),
     })
 }

@@ -61,7 +61,7 @@ pub enum StoreError {
     OtherBuild {
         /// The run directory.
         path: PathBuf,
-        /// The builds, this one first.
+        /// The builds.
         builds: String,
     },
     /// The directory is not where it was.

@@ -7,8 +7,10 @@ use crate::store::StoreError;
 use crate::store::journal::{Entry, EntryStatus, Journal};
 use crate::store::rundir::{Recorded, RunDir, digest};
 use crate::store::summary::{self, Summary};
+use std::hash::Hasher;
 use std::io;
 use std::path::{Path, PathBuf};
+use twox_hash::XxHash64;
 
 /// What a directory has of a unit.
 #[derive(Clone, Debug)]
@@ -69,37 +71,39 @@ pub fn ended_as(journal: &Journal, keys: &UnitKeys, units: &[Unit]) -> Result<Op
     for unit in units {
         let key = keys.of(unit);
         match journal.get(&key)? {
-            Some(entry) => sum.add(&entry),
+            Some(entry) => sum.add(ending(&entry)),
             None => return Ok(None),
         }
     }
     Ok(Some(sum.finish()))
 }
 
+/// Checksum of how a unit ended. Its time and build do not count.
+pub(crate) fn ending(entry: &Entry) -> u64 {
+    let result = (
+        &entry.key,
+        &entry.status,
+        &entry.reason,
+        &entry.log,
+        &entry.errors,
+        &entry.grid,
+    );
+    // Strings and numbers always serialise.
+    XxHash64::oneshot(0, &serde_json::to_vec(&result).unwrap_or_default())
+}
+
 /// The checksum of [`ended_as`], unit by unit.
 #[derive(Default)]
-pub(crate) struct Endings(twox_hash::XxHash64);
+pub(crate) struct Endings(XxHash64);
 
 impl Endings {
-    /// The next unit. Its time and build do not count.
-    pub fn add(&mut self, entry: &Entry) {
-        use std::hash::Hasher;
-        let result = (
-            &entry.status,
-            &entry.reason,
-            &entry.log,
-            &entry.errors,
-            &entry.grid,
-        );
-        // Strings and numbers always serialise.
-        let text = serde_json::to_vec(&result).unwrap_or_default();
-        self.0.write(&entry.key.0);
-        self.0.write(&text);
+    /// The next unit, by its [`ending`].
+    pub fn add(&mut self, ending: u64) {
+        self.0.write(&ending.to_le_bytes());
     }
 
     /// 16 hexadecimal digits.
     pub fn finish(self) -> String {
-        use std::hash::Hasher;
         format!("{:016x}", self.0.finish())
     }
 }
