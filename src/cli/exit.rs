@@ -55,6 +55,8 @@ pub struct Failure {
     /// Exit code.
     pub code: u8,
     message: String,
+    /// Lines to print below the message.
+    pub details: Vec<String>,
 }
 
 impl Failure {
@@ -63,6 +65,7 @@ impl Failure {
         Failure {
             code,
             message: message.to_string(),
+            details: Vec::new(),
         }
     }
 

@@ -59,24 +59,25 @@ pub fn run(args: &MergeArgs, program: &Program) -> Outcome {
     match merge(&request, &progress)? {
         Merged::Complete(report) => show(&report, &options, &program.console),
         Merged::Incomplete(missing) => {
-            let mut text = format!(
-                "incomplete: {} of {} units are missing",
-                missing.missing.len(),
-                missing.units
-            );
-            for (shard, count) in &missing.shards {
-                text += &format!("\n  {shard} lacks {count}");
+            let lacking = missing.missing.len();
+            let message = format!("incomplete: {lacking} of {} units are missing", missing.units);
+            let mut failure = Failure::new(exit::INCOMPLETE, message);
+            let shards = missing
+                .shards
+                .iter()
+                .map(|(shard, count)| format!("{shard} lacks {count}"));
+            failure.details.extend(shards);
+            let unusable = missing.unusable.iter().take(args.show);
+            failure
+                .details
+                .extend(unusable.map(|path| format!("{}: damaged, gone or cannot be read", path.display())));
+            failure
+                .details
+                .extend(missing.missing.iter().take(args.show).cloned());
+            if lacking > args.show {
+                failure.details.push(format!("and {} more", lacking - args.show));
             }
-            for path in missing.unusable.iter().take(args.show) {
-                text += &format!("\n  {}: damaged, gone or cannot be read", path.display());
-            }
-            for unit in missing.missing.iter().take(args.show) {
-                text += &format!("\n  {unit}");
-            }
-            if missing.missing.len() > args.show {
-                text += &format!("\n  and {} more", missing.missing.len() - args.show);
-            }
-            Err(Failure::new(exit::INCOMPLETE, text))
+            Err(failure)
         }
     }
 }

@@ -29,6 +29,7 @@ mod values;
 
 use crate::catalogue::Catalogue;
 use crate::panics;
+use crate::report::text;
 use clap::Parser;
 use command::{Cli, dispatch};
 use console::Console;
@@ -82,6 +83,9 @@ fn run_process(catalogue: Catalogue) -> ExitCode {
         Ok(code) => code,
         Err(failure) => {
             program.console.error(&failure.to_string());
+            for line in &failure.details {
+                program.console.line(&format!("  {}", text::one_line(line)));
+            }
             ExitCode::from(failure.code)
         }
     }
