@@ -102,12 +102,17 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
             console.note(&format!("{:.0} %", 100.0 * share));
         }
     };
-    let BenchReport { rows, failed } = pool.install(|| bench::run(&request, &stop, &progress))?;
+    let BenchReport {
+        preparation,
+        rows,
+        failed,
+    } = pool.install(|| bench::run(&request, &stop, &progress))?;
     let measured = Measurement {
         schema_version: MEASUREMENT_FORMAT_VERSION,
         machine,
         command: program.arguments.clone(),
         sequences: request.sequences.iter().map(sequence_id).collect(),
+        preparation,
         rows,
         refused: refused.into_iter().map(|r| (r.id, r.reason)).collect(),
         failed,
@@ -219,6 +224,7 @@ fn table(
         "p95",
         "fps",
         "SR@5",
+        "AL median",
         "frames",
     ];
     if compared {
@@ -241,6 +247,7 @@ fn table(
             format!("{:.1}", row.us_p95),
             format!("{:.0}", row.fps),
             number(row.sr_5, 3),
+            number(row.al_median, 3),
             row.frames.to_string(),
         ];
         if compared {
@@ -282,5 +289,12 @@ fn table(
             lost.join(", ")
         );
     }
-    format!("{text}\n{}\n", measured.machine.line())
+    let made = &measured.preparation;
+    format!(
+        "{text}\nbefore the updates, a frame: filter {} {:.0} us, pyramid {:.0} us\n{}\n",
+        made.filter,
+        made.us_filter,
+        made.us_pyramid,
+        measured.machine.line()
+    )
 }

@@ -65,6 +65,20 @@ pub struct BenchRow {
     pub fps: f64,
     /// Fraction of the frames within 5 px of the truth: the speed of a tracker that has lost its object says little.
     pub sr_5: Option<f64>,
+    /// Median alignment error over the frames, px: the accuracy that the time was spent on.
+    pub al_median: Option<f64>,
+}
+
+/// What is done to each frame before any update, and not in its time: the medians over all frames.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Preparation {
+    /// The filter, as `--filter` reads it.
+    pub filter: String,
+    /// µs to make gray floats of the decoded bytes and filter them.
+    pub us_filter: f64,
+    /// µs to halve the filtered image until it is small, for trackers that search pyramids.
+    pub us_pyramid: f64,
 }
 
 impl BenchRequest {
@@ -101,6 +115,8 @@ pub enum BenchError {
 /// What was measured.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BenchReport {
+    /// What each frame cost before its updates.
+    pub preparation: Preparation,
     /// A row per tracker, in their order.
     pub rows: Vec<BenchRow>,
     /// Trackers without figures, and why.
@@ -108,8 +124,8 @@ pub struct BenchReport {
 }
 
 impl BenchRow {
-    /// Figures of frames that took `seconds` each and `iterations` together.
-    fn new(tracker: &str, mut seconds: Vec<f64>, iterations: u64, sr_5: f64) -> BenchRow {
+    /// Times of frames that took `seconds` each and `iterations` together.
+    fn new(tracker: &str, mut seconds: Vec<f64>, iterations: u64) -> BenchRow {
         let frames = seconds.len();
         seconds.sort_by(f64::total_cmp);
         let quantile = |q: f64| quantile::nearest(&seconds, q).map_or(f64::NAN, |s| 1e6 * s);
@@ -126,7 +142,7 @@ impl BenchRow {
             us_median: quantile(0.5),
             us_p95: quantile(0.95),
             fps: 1e6 / us_per_frame,
-            sr_5: sr_5.is_finite().then_some(sr_5),
+            ..BenchRow::default()
         }
     }
 
@@ -154,6 +170,9 @@ pub struct Measurement {
     /// Sequences, `dataset/sequence`.
     #[serde(default)]
     pub sequences: Vec<String>,
+    /// What each frame cost before its updates.
+    #[serde(default)]
+    pub preparation: Preparation,
     /// A row per tracker.
     pub rows: Vec<BenchRow>,
     /// Combinations that cannot work, and why.
@@ -198,11 +217,12 @@ pub fn run(
     let mut sums: Vec<Sum> = request.trackers.iter().map(|_| nothing()).collect();
     let passes = (request.sequences.len() * request.trackers.len() * (request.repeats + 1)) as f64;
     let mut done = 0.0;
+    let mut prepared = Prepared::default();
     for sequence in &request.sequences {
         let start = (0..sequence.len())
             .find(|&i| sequence.truth(i).is_some())
             .ok_or_else(|| BenchError::NoStart(sequence_id(sequence)))?;
-        let frames = load(request, sequence, start)?;
+        let frames = load(request, sequence, start, &mut prepared)?;
         let mut best: Vec<Option<Pass>> = request.trackers.iter().map(|_| None).collect();
         let mut spent = vec![Duration::ZERO; best.len()];
         // Pass by pass rather than tracker by tracker: what disturbs the machine for a while spoils one pass of many
@@ -233,7 +253,10 @@ pub fn run(
             sum.errors.extend(&pass.errors);
         }
     }
-    let mut report = BenchReport::default();
+    let mut report = BenchReport {
+        preparation: prepared.summary(request.pre.id()),
+        ..BenchReport::default()
+    };
     for (entry, sum) in request.trackers.iter().zip(sums) {
         let id = &entry.name.id;
         match sum.failed {
@@ -242,18 +265,47 @@ pub fn run(
                 .failed
                 .push((id.clone(), "no frame could be tracked".to_owned())),
             None => {
-                let sr_5 = Sample::new(&metrics, [&sum.errors]).score()["sr_5"];
-                report
-                    .rows
-                    .push(BenchRow::new(id, sum.seconds, sum.iterations, sr_5));
+                let score = Sample::new(&metrics, [&sum.errors]).score();
+                let figure = |name| Some(score[name]).filter(|v| v.is_finite());
+                report.rows.push(BenchRow {
+                    sr_5: figure("sr_5"),
+                    al_median: figure("al_median"),
+                    ..BenchRow::new(id, sum.seconds, sum.iterations)
+                });
             }
         }
     }
     Ok(report)
 }
 
+/// Seconds of the preparation of each frame.
+#[derive(Default)]
+struct Prepared {
+    filter: Vec<f64>,
+    pyramid: Vec<f64>,
+}
+
+impl Prepared {
+    fn summary(mut self, filter: String) -> Preparation {
+        let median = |seconds: &mut Vec<f64>| {
+            seconds.sort_by(f64::total_cmp);
+            quantile::nearest(seconds, 0.5).map_or(0.0, |s| 1e6 * s)
+        };
+        Preparation {
+            filter,
+            us_filter: median(&mut self.filter),
+            us_pyramid: median(&mut self.pyramid),
+        }
+    }
+}
+
 /// Decodes and filters the frames from `start` on, in as many channels as the trackers want.
-fn load(request: &BenchRequest, sequence: &Sequence, start: usize) -> Result<Vec<Frame>, DatasetError> {
+fn load(
+    request: &BenchRequest,
+    sequence: &Sequence,
+    start: usize,
+    prepared: &mut Prepared,
+) -> Result<Vec<Frame>, DatasetError> {
     let colour = request.trackers.iter().any(|entry| {
         let made = panics::catch(|| (entry.make)());
         made.and_then(|made| made).is_ok_and(|t| t.channels() == 3)
@@ -262,7 +314,12 @@ fn load(request: &BenchRequest, sequence: &Sequence, start: usize) -> Result<Vec
         .map(|i| {
             let decoded = sequence.read(i, colour)?;
             let frame = Frame::new(decoded, Arc::clone(&request.pre));
+            let begin = Instant::now();
             frame.gray();
+            prepared.filter.push(begin.elapsed().as_secs_f64());
+            let begin = Instant::now();
+            frame.level(frame.levels() - 1, 1);
+            prepared.pyramid.push(begin.elapsed().as_secs_f64());
             if colour {
                 frame.colour();
             }
@@ -344,7 +401,7 @@ mod tests {
     #[test]
     fn figures() {
         let seconds: Vec<f64> = (1..=101).rev().map(|k| f64::from(k) * 1e-6).collect();
-        let row = BenchRow::new("t", seconds, 202, 1.0);
+        let row = BenchRow::new("t", seconds, 202);
         assert_eq!(
             (row.frames, row.us_median.round(), row.us_p95.round()),
             (101, 51.0, 96.0)
@@ -354,14 +411,11 @@ mod tests {
             (row.us_per_frame - 51.0).abs() < 1e-9 && (row.us_per_iteration.unwrap() - 25.5).abs() < 1e-9
         );
         assert!((row.fps * row.us_per_frame - 1e6).abs() < 1e-3);
-        let slow = BenchRow::new("t", vec![102e-6; 10], 10, f64::NAN);
+        let slow = BenchRow::new("t", vec![102e-6; 10], 10);
         let (frame, iteration) = slow.times(&row);
         assert!((frame - 2.0).abs() < 1e-9 && (iteration.unwrap() - 4.0).abs() < 1e-9);
-        let still = BenchRow::new("t", vec![1e-6], 0, 0.0);
-        assert_eq!(
-            (still.iterations, still.times(&row).1, slow.sr_5),
-            (None, None, None)
-        );
+        let still = BenchRow::new("t", vec![1e-6], 0);
+        assert_eq!((still.iterations, still.times(&row).1), (None, None));
     }
 
     #[test]

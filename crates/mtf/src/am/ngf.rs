@@ -30,6 +30,9 @@ crate::params! {
         ngf_eta: f64 = 0.0, in 0.0..=1e4, paper 100.0 => "follows the contrast of the template: AUC .798 against .783 with ESM (ICLK .770 against .777)";
         /// Centred gradients, exact at alignment; 0: derivatives of the similarity itself.
         centred: bool = true, changes [Derivatives], paper false => "the plain gradient does not vanish at alignment: AUC .798 against .795 with ESM, .770 against .747 with ICLK; the step is relaxed as well";
+        /// Self Hessian by outer products of dr/dp, which leaves out the curvature of r; 0: the exact one. Without effect on
+        /// centred gradients.
+        ngf_outer: bool = false, changes [Derivatives], paper true => "TBD";
         /// Likelihood exp(-alpha (1 - f/f(T,T))²): alpha.
         likelihood_alpha: f64 = 50.0, in 0.0..=1e6;
     }
@@ -118,6 +121,24 @@ impl Ngf {
         stencil::combine_rows(j, cols, rows, &self.axes, &mut self.rows);
         kernels::normal_equations(&self.rows, &[], h, &mut []);
         h.scale(-1.0);
+    }
+
+    /// `-Σ_i (dr_i/dp)' (dr_i/dp)` at a side's own patch twice, where `dr/dg = (1 - ρ) u/|g|_η`.
+    fn outer_hessian(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
+        let Resolution { cols, rows } = self.res();
+        let mut axes = std::mem::take(&mut self.axes);
+        let (own, _) = self.fields(side);
+        for i in 0..j.rows() {
+            let (x, y) = (own.x[i], own.y[i]);
+            let size = (1.0 - (x * x + y * y)) * own.inverse[i];
+            for (axis, v) in axes.iter_mut().zip([size * x, size * y, 0.0, 0.0]) {
+                axis[i] = v;
+            }
+        }
+        stencil::combine_rows(j, cols, rows, &axes, &mut self.rows);
+        kernels::normal_equations(&self.rows, &[], h, &mut []);
+        h.scale(-1.0);
+        self.axes = axes;
     }
 
     /// `Σ_ab J' D_a' diag(h_ab) D_b J` with the blocks `h` of a side against `other`: each is split along its axes.
@@ -276,6 +297,8 @@ impl Derivatives for Ngf {
     fn self_hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
         if self.params.centred {
             self.mixed_hessian(side, j, h);
+        } else if self.params.ngf_outer {
+            self.outer_hessian(side, j, h);
         } else {
             self.plain_hessian(side, true, j, h);
         }
