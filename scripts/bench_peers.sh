@@ -12,8 +12,8 @@
 # touches; mtf-eval, whose updates are far shorter, by the clock, to its own disadvantage.
 #
 # ViSP is built from Debian's sources for this very machine, which mtf-eval is not, where cmake and `apt-get source` can be
-# had. VISP_BUILD names a folder with such a build already made. Else Debian's library is measured, and the table says so;
-# INSTALL=1 lets apt-get install it. Nothing else is installed outside a temporary folder. Other settings: MTF_EVAL
+# had (`native` in the table). VISP_BUILD names a folder with such a build already made. Else Debian's library is measured
+# (`Debian`); INSTALL=1 lets apt-get install it. Nothing else is installed outside a temporary folder. Other settings: MTF_EVAL
 # (program to measure; built otherwise), CORE (core to run on, or `any`), LIMIT (seconds for each step), PASSES.
 set -euo pipefail
 MTF_EVAL=${MTF_EVAL:+$(realpath "$MTF_EVAL")}
@@ -83,7 +83,7 @@ LIST
 visp() {
     local build=${VISP_BUILD:-$work/visp/build}
     if { [ -n "${VISP_BUILD:-}" ] || visp_from_source "$work/visp"; } && compile_with "$build"; then
-        visp_rows "built for this machine"
+        visp_rows native
         return
     fi
     skip "ViSP from source: cannot be built here; Debian's library is measured"
@@ -102,7 +102,7 @@ visp() {
         skip "ViSP: visp_bench.cpp does not compile here"
         return
     fi
-    visp_rows "Debian's library"
+    visp_rows Debian
 }
 
 # visp_rows BUILD: a sample every 4 px, 2475 of this object, for 50x50 of ours.

@@ -249,8 +249,7 @@ int measure(const Bench &bench, bool fixed)
   }
   std::sort(seconds.begin(), seconds.end());
   std::cout << "{\"tracker\": \"" << bench.like << (fixed ? "{epsilon=0,max_iters=10}" : "") << "\", \"program\": \"ViSP "
-            << VISP_VERSION_MAJOR << "." << VISP_VERSION_MINOR << " (" << bench.build << ") " << bench.tracker << " "
-            << bench.warp << "\", \"frames\": " << done << ", \"iterations\": " << steps / done
+            << VISP_VERSION_MAJOR << "." << VISP_VERSION_MINOR << " " << bench.build << " " << bench.tracker << "\", \"frames\": " << done << ", \"iterations\": " << steps / done
             << ", \"us_per_iteration\": " << 1e6 * total / steps << ", \"us_per_frame\": " << 1e6 * total / done
             << ", \"us_median\": " << 1e6 * quantile(seconds, 0.5) << ", \"us_p95\": " << 1e6 * quantile(seconds, 0.95)
             << ", \"fps\": " << done / total << ", \"sr_5\": " << double(good) / updates;
