@@ -124,14 +124,15 @@ impl Registry {
         if let Some(why) = self.refuses_ilm(parts, &model) {
             return Err(refused(why));
         }
-        let warp = (ssm.build)(&ssm_own)?.capabilities();
+        let blank = (ssm.build)(&ssm_own)?;
+        let warp = blank.capabilities();
         if let Some(why) = (sm.family.refuses_ssm)(&warp) {
             let others = self.names_of(|e| (e.family.refuses_ssm)(&warp).is_none());
             let (ssm, sm) = (ssm.name, sm.name);
             return Err(refused(format!("{ssm} {why}; {sm} needs that; try {others}")));
         }
         // Each parameter is one the method has; what is left is a value that does not suit these models.
-        (sm.family.suits)(&sm_own, &model).map_err(|e| refused(e.to_string()))?;
+        (sm.family.suits)(&sm_own, &model, &*blank).map_err(|e| refused(e.to_string()))?;
 
         let owned = [sm_own, am_own, ilm_own, ssm_own].map(Assignments::of);
         let (sm, am, ilm, ssm) = (

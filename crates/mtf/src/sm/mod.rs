@@ -19,8 +19,8 @@ pub use lk::{
     MaskParams, PointRule,
 };
 pub use sampled::{
-    Estimate, IndexKind, Likelihood, Nn, NnParams, Pf, PfParams, Regression, RegressionParams, Resampling,
-    Step,
+    Centres, Estimate, IndexKind, Likelihood, Nn, NnParams, Pf, PfParams, Regression, RegressionParams,
+    Resampling, Step,
 };
 pub use sampling::{BorderMode, Channels, SamplingParams};
 pub use template::Learning;
@@ -86,9 +86,9 @@ pub struct SmFamily {
     pub refuses: fn(&[Assignment<'_>], &Capabilities) -> Option<&'static str>,
     /// What it needs that a state space model lacks, if it lacks anything.
     pub refuses_ssm: fn(&SsmCapabilities) -> Option<&'static str>,
-    /// Fails when the value of a parameter does not go with an appearance model that is not refused. What builds the tracker
-    /// fails then, too.
-    pub suits: fn(&[Assignment<'_>], &Capabilities) -> Built<()>,
+    /// Fails when the value of a parameter does not go with an appearance model and a state space model that are not refused;
+    /// the latter has not started. What builds the tracker fails then, too.
+    pub suits: fn(&[Assignment<'_>], &Capabilities, &dyn StateSpaceModel) -> Built<()>,
     /// What it uses of an appearance model: parameters that change nothing of it are refused.
     pub uses: &'static [Use],
     /// Builds a tracker that estimates the illumination as well; `None` for methods that cannot.
@@ -100,7 +100,7 @@ impl SmFamily {
     pub const UNDEMANDING: SmFamily = SmFamily {
         refuses: |_, _| None,
         refuses_ssm: |_| None,
-        suits: |_, _| Ok(()),
+        suits: |_, _, _| Ok(()),
         uses: &[Use::Scores, Use::Derivatives, Use::Distances],
         build_lit: None,
     };

@@ -46,8 +46,8 @@ pub use lie_affine::LieAffineBasis;
 pub use lie_homography::LieHomographyBasis;
 pub use lie_isometry::LieIsometryBasis;
 pub use model::{
-    Estimable, Gradient, ImageHessian, Increment, JacobianKind, MatrixGroup, NonRigid, Points, Reference,
-    SecondOrder, SsmCapabilities, StateSpaceModel, begin_frame, estimate, motion_squared, place,
+    Estimable, Geometric, Gradient, ImageHessian, Increment, JacobianKind, MatrixGroup, NonRigid, Points,
+    Reference, SecondOrder, SsmCapabilities, StateSpaceModel, begin_frame, estimate, motion_squared, place,
 };
 pub use projective::{MAX_DOF, Projective, ProjectiveModel};
 pub use sampler::{Dynamics, Mean, Perturbation, SampleUnit, Sampler, SigmaSets, mean_into, sigma_of_motion};

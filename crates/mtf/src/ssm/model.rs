@@ -9,6 +9,7 @@
 //! | [`matrix_group`](StateSpaceModel::matrix_group) | [`MatrixGroup`] | means of particles, gradients of the warped image |
 //! | [`non_rigid`](StateSpaceModel::non_rigid) | [`NonRigid`] | every search, for warps that bend |
 //! | [`estimable`](StateSpaceModel::estimable) | [`Estimable`] | composites that fit a warp to points |
+//! | [`geometric`](StateSpaceModel::geometric) | [`Geometric`] | samplers of shifts, scales and angles |
 //! | [`reference`](StateSpaceModel::reference) | [`Reference`] | derivative checks |
 
 use super::frame::BaseFrame;
@@ -182,6 +183,11 @@ pub trait StateSpaceModel: Send + DynClone {
         None
     }
 
+    /// Its geometric parameters, if it has such.
+    fn geometric(&self) -> Option<&dyn Geometric> {
+        None
+    }
+
     /// Its slow definition, for derivative checks.
     fn reference(&self) -> Option<&dyn Reference> {
         None
@@ -240,6 +246,19 @@ pub trait Estimable {
         from: &[[f64; 2]],
         to: &[[f64; 2]],
     ) -> Result<(), TrackError>;
+}
+
+/// Warps whose states are told by geometric parameters as well, S numbers of which the first two are the shift in the base
+/// frame; S is at most [`MAX_DOF`](super::MAX_DOF).
+pub trait Geometric {
+    /// Geometric parameters of state `p`.
+    fn geometric_into(&self, p: &[f64], g: &mut [f64]);
+
+    /// State of geometric parameters `g`.
+    fn state_into(&self, g: &[f64], p: &mut [f64]);
+
+    /// After which parameter `k` repeats itself, if it is an angle; radians.
+    fn period(&self, k: usize) -> Option<f64>;
 }
 
 /// The definition that derivative checks compare a warp with.

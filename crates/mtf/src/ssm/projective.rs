@@ -4,8 +4,8 @@
 
 use super::frame::BaseFrame;
 use super::{
-    Estimable, Gradient, ImageHessian, Increment, JacobianKind, MatrixGroup, Points, Reference, SecondOrder,
-    SsmCapabilities, StateSpaceModel,
+    Estimable, Geometric, Gradient, ImageHessian, Increment, JacobianKind, MatrixGroup, Points, Reference,
+    SecondOrder, SsmCapabilities, StateSpaceModel,
 };
 use crate::consensus::{Estimator, PointModel};
 use crate::entry::Part;
@@ -86,6 +86,10 @@ pub trait ProjectiveModel: Clone + Default + Send + 'static {
     /// Matrix of least reprojection error, starting from `m`. The default is right where `fit_matrix` is already that.
     fn refine(&self, _m: &Mat3, from: &[[f64; 2]], to: &[[f64; 2]], _iterations: usize) -> Option<Mat3> {
         self.fit_matrix(from, to)
+    }
+    /// Its geometric parameters, if it has such.
+    fn geometric(&self) -> Option<&dyn Geometric> {
+        None
     }
     /// Least-squares state of point pairs in the base frame; `None` when they do not determine one.
     fn fit(&self, from: &[[f64; 2]], to: &[[f64; 2]], p: &mut [f64]) -> Option<()> {
@@ -436,6 +440,10 @@ impl<W: ProjectiveModel> StateSpaceModel for Projective<W> {
 
     fn second_order(&self) -> Option<&dyn SecondOrder> {
         Some(self)
+    }
+
+    fn geometric(&self) -> Option<&dyn Geometric> {
+        self.model.geometric()
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Draws come from the caller's seeded stream, in an order that depends on nothing but the calls made.
 
-use super::{Gradient, Increment, JacobianKind, Points, StateSpaceModel};
+use super::{Gradient, Increment, JacobianKind, MAX_DOF, Points, StateSpaceModel};
 use crate::geom::{Corners, homography};
 use crate::kernels::Jacobian;
 use crate::params::{ParamValue, param_enum};
@@ -21,11 +21,26 @@ param_enum! {
         /// As few points of the region as determine a state: its centre; two opposite corners; the lower corners and the
         /// middle of the upper side; all four corners.
         Points = "points",
+        /// Geometric parameters (shift, scale, angles), each `N(µ_k, σ_k²)` about those of the identity, or, in additive
+        /// transitions, about those of the state; of warps that are [`Geometric`](super::Geometric).
+        Geometric = "geometric",
+    }
+}
+
+impl Perturbation {
+    /// How many deviations may be given for a warp.
+    pub fn deviations<S: StateSpaceModel + ?Sized>(self, ssm: &S) -> Vec<usize> {
+        match self {
+            Perturbation::Params => vec![1, ssm.dof()],
+            Perturbation::Corners => vec![1, 2, 8],
+            Perturbation::Points => vec![1, 2, 2 * points_of(ssm)],
+            Perturbation::Geometric => vec![ssm.dof()],
+        }
     }
 }
 
 param_enum! {
-    /// Unit of the deviations of corners and points.
+    /// Unit of the deviations of corners and points, and of geometric shifts.
     pub enum SampleUnit {
         /// Image pixels.
         Pixels = "px",
@@ -91,12 +106,12 @@ impl ParamValue for SigmaSets {
 pub struct Sampler {
     /// What is disturbed.
     pub perturbation: Perturbation,
-    /// Unit of deviations of corners and points.
+    /// Unit of deviations of corners, points and geometric shifts.
     pub unit: SampleUnit,
-    /// Deviations. Of parameters: one for all, or one each. Of `n` corners or points: one for every coordinate; two, of
+    /// Deviations. Of parameters: one for all, or one each. Of geometric parameters: one each. Of `n` corners or points: one for every coordinate; two, of
     /// a shift common to all points and of each coordinate; or `2n`, one per coordinate.
     pub sigma: SigmaSets,
-    /// Means `µ` of parameters; empty for zero.
+    /// Means `µ` of parameters, geometric ones too; empty for zero.
     pub mean: Vec<f64>,
     /// Factor of the last motion under [`Dynamics::Ar1`].
     pub ar_factor: f64,
@@ -115,6 +130,7 @@ const TRIES: usize = 100;
 /// Draws and rounds by which deviations are brought to a wanted motion.
 const CALIBRATION: (usize, usize) = (2000, 6);
 
+const NOT_GEOMETRIC: TrackError = TrackError::Unable("the warp has no geometric parameters");
 const NO_SAMPLE: TrackError = TrackError::Degenerate("no sound sample among many");
 
 impl Sampler {
@@ -145,12 +161,11 @@ impl Sampler {
 
     /// Numbers of a set, and of `mean`, that fit a warp: an error says what is wrong.
     pub fn check<S: StateSpaceModel + ?Sized>(&self, ssm: &S) -> Result<(), TrackError> {
-        let right = |n: usize| match self.perturbation {
-            Perturbation::Params => n == 1 || n == ssm.dof(),
-            Perturbation::Corners => [1, 2, 8].contains(&n),
-            Perturbation::Points => [1, 2, 2 * points_of(ssm)].contains(&n),
-        };
-        if self.sigma.0.is_empty() || !self.sigma.0.iter().all(|s| right(s.len())) {
+        if self.perturbation == Perturbation::Geometric && ssm.geometric().is_none() {
+            return Err(NOT_GEOMETRIC);
+        }
+        let right = self.perturbation.deviations(ssm);
+        if self.sigma.0.is_empty() || !self.sigma.0.iter().all(|s| right.contains(&s.len())) {
             return Err(TrackError::BadRegion(
                 "the number of deviations does not fit the warp",
             ));
@@ -159,6 +174,66 @@ impl Sampler {
             return Err(TrackError::BadRegion("the number of means does not fit the warp"));
         }
         Ok(())
+    }
+
+    /// `N(µ_k, σ_k²)` for each number.
+    fn draw_normal(&self, sigma: &[f64], rng: &mut Pcg64, out: &mut [f64]) {
+        for (k, d) in out.iter_mut().enumerate() {
+            let z: f64 = rng.sample(StandardNormal);
+            *d = self.mean.get(k).unwrap_or(&0.0) + sigma.get(k).unwrap_or(&sigma[0]) * z;
+        }
+    }
+
+    /// Steps of geometric parameters, shifts in the unit of the base frame.
+    fn draw_geometric<S: StateSpaceModel + ?Sized>(
+        &self,
+        sigma: &[f64],
+        ssm: &S,
+        rng: &mut Pcg64,
+        steps: &mut [f64],
+    ) -> Result<(), TrackError> {
+        if ssm.geometric().is_none() || steps.len() != ssm.dof() {
+            return Err(NOT_GEOMETRIC);
+        }
+        self.draw_normal(sigma, rng, steps);
+        let unit = self.pixels(ssm) / ssm.base().radius;
+        steps.iter_mut().take(2).for_each(|shift| *shift *= unit);
+        Ok(())
+    }
+
+    /// Whether transitions add to states.
+    fn adds<S: StateSpaceModel + ?Sized>(how: Increment, ssm: &S) -> bool {
+        how == Increment::Additive || !ssm.capabilities().compositional
+    }
+
+    /// Whether transitions add to geometric parameters: their last motion is one of those.
+    fn adds_geometric<S: StateSpaceModel + ?Sized>(&self, how: Increment, ssm: &S) -> bool {
+        self.perturbation == Perturbation::Geometric && Self::adds(how, ssm)
+    }
+
+    /// The last motion that [`transition`](Self::transition) expects, undamped, of a warp that went from state `p` to `q` in
+    /// one step: of `w(p)⁻¹ ∘ w(q)`, or the difference of geometric parameters where these are added to.
+    pub fn motion_into<S: StateSpaceModel + ?Sized>(
+        &self,
+        ssm: &S,
+        how: Increment,
+        p: &[f64],
+        q: &[f64],
+        out: &mut [f64],
+    ) -> Result<(), TrackError> {
+        if self.adds_geometric(how, ssm) {
+            geometric_difference(ssm, p, q, out)
+        } else {
+            ssm.relative_into(p, q, out)
+        }
+    }
+
+    /// The unit in pixels.
+    fn pixels<S: StateSpaceModel + ?Sized>(&self, ssm: &S) -> f64 {
+        match self.unit {
+            SampleUnit::Pixels => 1.0,
+            SampleUnit::Side => std::f64::consts::SQRT_2 * ssm.base().radius,
+        }
     }
 
     /// Draws an increment from set `set`. Fails when no draw of many determines one.
@@ -171,20 +246,21 @@ impl Sampler {
     ) -> Result<(), TrackError> {
         let sigma = self.sigma.0.get(set).filter(|s| !s.is_empty()).ok_or(NO_SAMPLE)?;
         if self.perturbation == Perturbation::Params {
-            for (k, d) in delta.iter_mut().enumerate() {
-                let z: f64 = rng.sample(StandardNormal);
-                *d = self.mean.get(k).unwrap_or(&0.0) + sigma.get(k).unwrap_or(&sigma[0]) * z;
-            }
+            self.draw_normal(sigma, rng, delta);
             return Ok(());
+        }
+        if self.perturbation == Perturbation::Geometric {
+            let mut steps = [0.0; MAX_DOF];
+            let steps = &mut steps[..delta.len().min(MAX_DOF)];
+            self.draw_geometric(sigma, ssm, rng, steps)?;
+            let identity = [0.0; MAX_DOF];
+            return geometric_sum(ssm, &identity[..steps.len()], [steps, &identity], delta);
         }
         let count = match self.perturbation {
             Perturbation::Points => points_of(ssm),
             _ => 4,
         };
-        let scale = match self.unit {
-            SampleUnit::Pixels => 1.0,
-            SampleUnit::Side => std::f64::consts::SQRT_2 * ssm.base().radius,
-        };
+        let scale = self.pixels(ssm);
         let from = region_points(&ssm.base().corners_in_image(), count);
         for _ in 0..TRIES {
             let mut normal = |s: f64| {
@@ -214,10 +290,35 @@ impl Sampler {
         Err(NO_SAMPLE)
     }
 
+    /// Sets the state to one whose geometric parameters are those of `p` and a random step, and the last motion with
+    /// [`Dynamics::Ar1`].
+    #[allow(clippy::too_many_arguments)]
+    fn walk_geometric<S: StateSpaceModel + ?Sized>(
+        &self,
+        set: usize,
+        ssm: &mut S,
+        dynamics: Dynamics,
+        rng: &mut Pcg64,
+        p: &[f64],
+        last: &[f64],
+        state: &mut [f64],
+    ) -> Result<(), TrackError> {
+        let sigma = self.sigma.0.get(set).filter(|s| !s.is_empty()).ok_or(NO_SAMPLE)?;
+        let mut steps = [0.0; MAX_DOF];
+        let steps = &mut steps[..p.len().min(MAX_DOF)];
+        self.draw_geometric(sigma, ssm, rng, steps)?;
+        let last = match dynamics {
+            Dynamics::RandomWalk => &[],
+            Dynamics::Ar1 => last,
+        };
+        geometric_sum(ssm, p, [steps, last], state)?;
+        ssm.set_state(state)
+    }
+
     /// Moves state `p`, whose last motion is `last` (S numbers, zero at first), one step on: with an increment `Δ`,
     /// a random walk leads to `p + Δ` or `w(p) ∘ w(Δ)`, the autoregression to `p + last + Δ` or
     /// `w(p) ∘ w(last) ∘ w(Δ)`, after which `last` is the factor times the motion made. Warps that do not compose take the
-    /// additive step. The warp's state is left at the new `p`. Fails, and changes neither `p` nor `last`, when no draw
+    /// additive step. Under [`Perturbation::Geometric`] additive steps, `last` with them, are of the geometric parameters. The warp's state is left at the new `p`. Fails, and changes neither `p` nor `last`, when no draw
     /// of many gives a sound region.
     #[allow(clippy::too_many_arguments)]
     pub fn transition<S: StateSpaceModel + ?Sized>(
@@ -230,7 +331,8 @@ impl Sampler {
         p: &mut [f64],
         last: &mut [f64],
     ) -> Result<(), TrackError> {
-        let additive = how == Increment::Additive || !ssm.capabilities().compositional;
+        let additive = Self::adds(how, ssm);
+        let geometric = self.adds_geometric(how, ssm);
         let how = if additive {
             Increment::Additive
         } else {
@@ -240,6 +342,13 @@ impl Sampler {
         delta.resize(p.len(), 0.0);
         let mut result = Err(NO_SAMPLE);
         for _ in 0..TRIES {
+            if geometric {
+                result = self.walk_geometric(set, ssm, dynamics, rng, p, last, &mut delta);
+                if result.is_ok() {
+                    break;
+                }
+                continue;
+            }
             result = self.draw(set, ssm, rng, &mut delta);
             if result.is_err() {
                 break;
@@ -258,7 +367,9 @@ impl Sampler {
         self.delta = delta;
         result.map_err(|_| NO_SAMPLE)?;
         if dynamics == Dynamics::Ar1 {
-            if additive {
+            if geometric {
+                geometric_difference(ssm, p, ssm.state(), last)?;
+            } else if additive {
                 last.iter_mut()
                     .zip(ssm.state())
                     .zip(p.iter())
@@ -271,6 +382,45 @@ impl Sampler {
         p.copy_from_slice(ssm.state());
         Ok(())
     }
+}
+
+/// The state whose geometric parameters are those of state `p` and `steps` together.
+fn geometric_sum<S: StateSpaceModel + ?Sized>(
+    ssm: &S,
+    p: &[f64],
+    steps: [&[f64]; 2],
+    out: &mut [f64],
+) -> Result<(), TrackError> {
+    let geometric = ssm.geometric().ok_or(NOT_GEOMETRIC)?;
+    let mut g = [0.0; MAX_DOF];
+    let g = g.get_mut(..p.len()).ok_or(NOT_GEOMETRIC)?;
+    geometric.geometric_into(p, g);
+    for step in steps {
+        g.iter_mut().zip(step).for_each(|(g, d)| *g += d);
+    }
+    geometric.state_into(g, out);
+    Ok(())
+}
+
+/// Geometric parameters of `q` less those of `p`, angles the short way round.
+fn geometric_difference<S: StateSpaceModel + ?Sized>(
+    ssm: &S,
+    p: &[f64],
+    q: &[f64],
+    out: &mut [f64],
+) -> Result<(), TrackError> {
+    let geometric = ssm.geometric().ok_or(NOT_GEOMETRIC)?;
+    let mut from = [0.0; MAX_DOF];
+    let from = from.get_mut(..p.len()).ok_or(NOT_GEOMETRIC)?;
+    geometric.geometric_into(p, from);
+    geometric.geometric_into(q, out);
+    for (k, (d, from)) in out.iter_mut().zip(from).enumerate() {
+        *d -= *from;
+        if let Some(period) = geometric.period(k) {
+            *d -= period * (*d / period).round();
+        }
+    }
+    Ok(())
 }
 
 /// Points that [`Perturbation::Points`] disturbs.
@@ -296,7 +446,8 @@ fn region_points(corners: &Corners, count: usize) -> [[f64; 2]; 4] {
 /// Deviations of the parameters under which each moves the grid equally, and all together the corners by `pixels` in the
 /// root mean square over samples and corners.
 ///
-/// `σ_k` is proportional to `1 / mean_i |∂w(x_i; 0)/∂p_k|`; the factor is found by measuring samples of a fixed stream.
+/// `σ_k` is proportional to `1 / mean_i |∂w(x_i; 0)/∂p_k|`, the mean over the grid; the factor is found by measuring samples of
+/// a fixed stream. The paper calls it `estimateStateSigma`, and leaves open how it is done.
 pub fn sigma_of_motion<S: StateSpaceModel + ?Sized>(ssm: &S, pixels: f64) -> Result<Vec<f64>, TrackError> {
     let grid = ssm.base().grid();
     let (n, s) = (grid.x.len(), ssm.dof());

@@ -119,7 +119,7 @@ pub(in crate::sm) const fn entry<M: LkMethod>() -> SmEntry {
                 }
                 _ => None,
             },
-            suits: suits::<M>,
+            suits: |a, am, _| suits::<M>(a, am),
             uses: &[Use::Scores, Use::Derivatives],
             build_lit: Some(|a, am, ssm, light| {
                 Ok(Box::new(build::<M, _, _>(a, am, ssm)?.with_illumination(light)))

@@ -3,6 +3,7 @@
 //! A file per method; `probe` is the models looking at an image, which all of them use. May depend on all below search
 //! methods and on the searches' sampling.
 
+mod deviations;
 mod index;
 mod nn;
 mod pf;
@@ -12,7 +13,7 @@ mod resample;
 mod ridge;
 mod step;
 
-pub use index::IndexKind;
+pub use index::{Centres, IndexKind};
 pub use nn::{Nn, NnParams};
 pub use pf::{Estimate, Likelihood, Pf, PfParams};
 pub(crate) use probe::Probe;

@@ -4,7 +4,8 @@
 //! With several neighbours the patch is first written as the combination of them that comes nearest, weights adding up to one
 //! (the local reconstruction of Roweis & Saul 2000), and the same combination of their increments is applied.
 
-use super::index::{Features, Index, IndexKind, IndexSettings, Judge, Nearest};
+use super::deviations::Deviations;
+use super::index::{self, Centres, Features, Index, IndexKind, IndexSettings, Judge, Nearest};
 use super::probe::Probe;
 use super::step::Step;
 use crate::am::{AppearanceModel, Capabilities, Metric};
@@ -17,7 +18,7 @@ use crate::params::{Assignment, Built, ParamError, ParamValue, Params, Use};
 use crate::sm::sampling::SamplingParams;
 use crate::sm::workspace::Buffers;
 use crate::sm::{SmEntry, SmFamily};
-use crate::ssm::{Dynamics, Increment, Perturbation, SampleUnit, Sampler, SigmaSets, StateSpaceModel};
+use crate::ssm::{Dynamics, Increment, Perturbation, SampleUnit, SigmaSets, StateSpaceModel};
 use crate::tracker::{Stop, TrackError, Tracker, Update};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
@@ -34,19 +35,35 @@ crate::params! {
         epsilon: f64 = 1e-4, in 0.0..=1e6;
         /// Increments are additive or compositional.
         update: Step = Step::Compositional;
-        /// What is disturbed: corners, points or params.
+        /// What is disturbed: corners, points, params, or geometric (affine, similitude: shift, scale, angles).
         perturb: Perturbation = Perturbation::Corners;
-        /// Unit of sigma: px or side (of the region as a square).
+        /// Unit of sigma, of lengths: px or side (of the region as a square).
         unit: SampleUnit = SampleUnit::Pixels;
         /// Deviations of samples: common shift and single coordinate (COMMON:SINGLE), or one per parameter; sets separated by
         /// '|' share the samples.
         sigma: SigmaSets = SigmaSets(
             [0.25, 0.5, 1.0, 2.0, 4.0, 8.0].iter().map(|t| vec![*t, 0.5 * t]).collect()
         );
-        /// Nearest samples by: linear, kd (Euclidean features), gnn, fgnn; auto.
+        /// If not 0: the parameters are disturbed, with deviations estimated such that the corners move by so many px (RMS), instead
+        /// of what perturb, unit and sigma say; sets separated by '|'.
+        pix_sigma: SigmaSets = SigmaSets::single(0.0);
+        /// Nearest samples by: linear, hierarchical, gnn, fgnn; kd (distances of vectors); kmeans, composite of kd and kmeans
+        /// (Euclidean distances); auto.
         index: IndexKind = IndexKind::Auto;
-        /// kd: samples whose full distance is compared.
+        /// kd, kmeans, composite, hierarchical: samples whose full distance is compared; clusters are compared whole.
         candidates: usize = 64, in 1..=1_000_000;
+        /// kmeans, composite, hierarchical: clusters that one is divided into.
+        branching: usize = 32, in 2..=1000;
+        /// kmeans, composite, hierarchical: first centres are random, gonzales (each the farthest from those before) or kmeanspp.
+        centres: Centres = Centres::Random;
+        /// kmeans, composite: most iterations of k-means.
+        kmeans_iters: usize = 11, in 0..=100_000;
+        /// kmeans, composite: how much sooner clusters of large variance are looked at.
+        cb_index: f64 = 0.2, in 0.0..=100.0;
+        /// hierarchical: trees.
+        trees: usize = 4, in 1..=100;
+        /// hierarchical: largest cluster that is not divided.
+        leaf: usize = 100, in 1..=1_000_000;
         /// gnn, fgnn: links of each sample.
         degree: usize = 100, in 1..=100_000;
         /// gnn, fgnn: most steps of a walk.
@@ -55,6 +72,34 @@ crate::params! {
         neighbours: usize = 1, in 1..=1000;
         /// Local reconstruction: ridge as a share of the trace.
         ridge: f64 = 1e-3, in 1e-9..=1e3;
+    }
+}
+
+impl NnParams {
+    fn deviations(&self) -> Deviations<'_> {
+        Deviations {
+            perturb: self.perturb,
+            unit: self.unit,
+            sigma: &self.sigma,
+            pix_sigma: &self.pix_sigma,
+        }
+    }
+
+    /// Settings of an index of this kind, its random choices from `seed`.
+    pub(super) fn index_settings(&self, kind: IndexKind, seed: u64) -> IndexSettings {
+        IndexSettings {
+            kind,
+            candidates: self.candidates,
+            degree: self.degree,
+            max_steps: self.max_steps,
+            branching: self.branching,
+            centres: self.centres,
+            seed,
+            kmeans_iters: self.kmeans_iters,
+            cb_index: self.cb_index,
+            trees: self.trees,
+            leaf: self.leaf,
+        }
     }
 }
 
@@ -114,7 +159,7 @@ pub struct Nn<A, S> {
     base: Corners,
     index: Index,
     /// As many as there are threads.
-    judges: Vec<Judge<A>>,
+    judges: Vec<Judge>,
     threads: usize,
     near: Nearest,
     reconstruction: Reconstruction,
@@ -125,7 +170,7 @@ pub struct Nn<A, S> {
     best: Vec<f64>,
 }
 
-impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
+impl<A: AppearanceModel + Clone + 'static, S: StateSpaceModel + Clone> Nn<A, S> {
     /// With default parameters.
     pub fn new(am: A, ssm: S) -> Self {
         Self::with_params(SamplingParams::default(), NnParams::default(), am, ssm)
@@ -141,7 +186,7 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
             increments: Vec::new(),
             regions: Vec::new(),
             base: Corners::default(),
-            index: Index::Linear,
+            index: Index::linear(),
             judges: Vec::new(),
             threads: 1,
             near: Nearest::new(1),
@@ -169,12 +214,7 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
             (IndexKind::Auto, Metric::Other) => IndexKind::Fgnn,
             (kind, _) => kind,
         };
-        IndexSettings {
-            kind,
-            candidates: p.candidates,
-            degree: p.degree,
-            max_steps: p.max_steps,
-        }
+        p.index_settings(kind, self.seed)
     }
 
     /// Bytes kept, and those that the start takes besides.
@@ -208,8 +248,7 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
     fn collect(&mut self, image: &Image, b: &mut Buffers) -> Result<(), TrackError> {
         let p = &self.params;
         let (n, s) = (p.n_samples, self.probe.ssm.dof());
-        let mut sampler = Sampler::new(p.perturb, p.unit, p.sigma.clone());
-        sampler.check(&self.probe.ssm)?;
+        let mut sampler = p.deviations().sampler(&self.probe.ssm)?;
         let len = self.probe.distances()?.feature_len();
         self.features = Features {
             values: vec![0.0; n * len],
@@ -228,7 +267,7 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
             .zip(self.increments.chunks_exact_mut(s));
         for (i, (state, d)) in samples.enumerate().skip(1) {
             interrupt::check()?;
-            let set = p.sigma.set_of(i - 1, n - 1);
+            let set = sampler.sigma.set_of(i - 1, n - 1);
             let (walk, how) = (Dynamics::RandomWalk, Increment::Compositional);
             sampler.transition(set, ssm, walk, how, &mut rng, state, &mut last)?;
             if additive {
@@ -343,7 +382,7 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Nn<A, S> {
     }
 }
 
-impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Nn<A, S> {
+impl<A: AppearanceModel + Clone + 'static, S: StateSpaceModel + Clone> Tracker for Nn<A, S> {
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         let image = frame.with_channels(self.channels());
         let mut ws = self.probe.workspace();
@@ -353,7 +392,7 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Nn<A, S
         self.judges.resize_with(self.threads, judge);
         self.collect(image, &mut ws)?;
         let settings = self.settings(self.probe.distances()?.metric());
-        self.index = Index::new(&mut self.judges, &self.features, settings)?;
+        self.index = Index::new(&mut self.judges, &self.features, &settings)?;
         let p = &self.params;
         let (k, s, len) = (
             p.neighbours.min(p.n_samples),
@@ -441,23 +480,30 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Nn<A, S
 
 type AllParams = (SamplingParams, NnParams);
 
-/// Fails when the parameters ask for an index or a number of neighbours that the appearance model does not allow.
-fn suits(assignments: &[Assignment<'_>], am: &Capabilities) -> Built<()> {
+/// Fails when the parameters ask for an index or a number of neighbours that the appearance model does not allow, or for
+/// samples that the warp does not.
+fn suits(assignments: &[Assignment<'_>], am: &Capabilities, ssm: &dyn StateSpaceModel) -> Built<()> {
     let (_, params) = AllParams::from_assignments(assignments)?;
-    let refused = |name, value: String, allowed: &str| {
+    let metric = am.metric.unwrap_or(Metric::Other);
+    let distances = match metric {
+        Metric::SquaredL2 => "Euclidean",
+        Metric::L1 => "sums of absolute differences",
+        Metric::Other => "not those of vectors",
+    };
+    let refused = |name, value: String, allowed: String| {
         Err(ParamError::Value {
             name,
             value,
-            allowed: format!("{allowed} with an appearance model whose distances are not those of vectors"),
+            allowed: format!("{allowed} with an appearance model whose distances are {distances}"),
         })
     };
-    if params.index == IndexKind::Kd && am.metric != Some(Metric::SquaredL2) {
-        return refused("index", params.index.text(), "auto, linear, gnn, fgnn");
+    if !index::valid(params.index, metric) {
+        return refused("index", params.index.text(), index::valid_names(metric));
     }
-    if params.neighbours > 1 && am.metric == Some(Metric::Other) {
-        return refused("neighbours", params.neighbours.text(), "1");
+    if params.neighbours > 1 && metric == Metric::Other {
+        return refused("neighbours", params.neighbours.text(), "1".to_owned());
     }
-    Ok(())
+    params.deviations().suit(ssm)
 }
 
 /// The table row.
@@ -465,7 +511,7 @@ pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
     "nn",
     "nearest neighbour among samples of the first frame",
     |a, mut am, ssm| {
-        suits(a, &Capabilities::of(&mut *am))?;
+        suits(a, &Capabilities::of(&mut *am), &*ssm)?;
         let (sampling, params) = AllParams::from_assignments(a)?;
         Ok(Box::new(Nn::with_params(sampling, params, am, ssm)))
     },

@@ -5,6 +5,7 @@
 //! share of all: the same for every appearance model, whatever the scale of its `f`. With several passes per frame each
 //! one searches around the last with smaller steps.
 
+use super::deviations::Deviations;
 use super::probe::Probe;
 use super::resample::{Resampling, effective, resample, temper};
 use super::step::Step;
@@ -68,13 +69,16 @@ crate::params! {
         ar_factor: f64 = 0.8, in 0.0..=1.0;
         /// Steps are additive or compositional.
         update: Step = Step::Compositional;
-        /// What is disturbed: corners, points or params.
+        /// What is disturbed: corners, points, params, or geometric (affine, similitude: shift, scale, angles).
         perturb: Perturbation = Perturbation::Corners;
-        /// Unit of sigma: px or side (of the region as a square).
+        /// Unit of sigma, of lengths: px or side (of the region as a square).
         unit: SampleUnit = SampleUnit::Pixels;
         /// Deviations of random steps: common shift and single coordinate (COMMON:SINGLE), or one per parameter; sets separated
         /// by '|' share the particles.
         sigma: SigmaSets = SigmaSets(vec![vec![2.5, 2.5]]);
+        /// If not 0: the parameters are disturbed, with deviations estimated such that the corners move by so many px (RMS), instead
+        /// of what perturb, unit and sigma say; sets separated by '|'.
+        pix_sigma: SigmaSets = SigmaSets::single(0.0);
         /// Factor of the deviations from pass to pass.
         shrink: f64 = 0.6, in 0.01..=1.0;
         /// Weights: tempered, am, gaussian or reciprocal. With m = f(T,T) - f, divided by f(T,T), or where that is 0 by the
@@ -98,6 +102,24 @@ crate::params! {
         min_set_share: f64 = 0.1, in 0.0..=1.0;
         /// The appearance model learns from each tracked frame: auto (models that need it), 0 or 1.
         enable_learning: Learning = Learning::Auto;
+    }
+}
+
+impl PfParams {
+    fn deviations(&self) -> Deviations<'_> {
+        Deviations {
+            perturb: self.perturb,
+            unit: self.unit,
+            sigma: &self.sigma,
+            pix_sigma: &self.pix_sigma,
+        }
+    }
+
+    fn increment(&self) -> Increment {
+        match self.update {
+            Step::Additive => Increment::Additive,
+            Step::Compositional => Increment::Compositional,
+        }
     }
 }
 
@@ -131,6 +153,8 @@ pub struct Pf<A, S> {
     /// The model has seen the patch at the old place in the new frame.
     opened: bool,
     sampler: Sampler,
+    /// Deviations of the first pass of a frame.
+    sigma: SigmaSets,
     cloud: Cloud,
     rng: Pcg64,
     seed: u64,
@@ -158,6 +182,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
             threads: 1,
             opened: false,
             sampler: Sampler::default(),
+            sigma: SigmaSets(Vec::new()),
             cloud: Cloud::default(),
             rng: Pcg64::seed_from_u64(0),
             seed: 0,
@@ -204,7 +229,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
     fn scatter(&mut self, image: &Image, pass: usize, b: &mut Buffers) {
         let s = self.estimate.len();
         let factor = self.params.shrink.powi(pass as i32);
-        for (now, first) in self.sampler.sigma.0.iter_mut().zip(&self.params.sigma.0) {
+        for (now, first) in self.sampler.sigma.0.iter_mut().zip(&self.sigma.0) {
             now.iter_mut().zip(first).for_each(|(v, f)| *v = factor * f);
         }
         let step = Move {
@@ -213,10 +238,7 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
             } else {
                 Dynamics::RandomWalk
             },
-            how: match self.params.update {
-                Step::Additive => Increment::Additive,
-                Step::Compositional => Increment::Compositional,
-            },
+            how: self.params.increment(),
             likelihood: self.params.likelihood,
             seed: self.rng.random(),
         };
@@ -386,8 +408,9 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
             let last = settled || pass + 1 == self.params.max_iters;
             if self.params.reset_to_mean {
                 if last && self.params.dynamics == Dynamics::Ar1 {
-                    let ssm = &self.probe.ssm;
-                    ssm.relative_into(&self.frame_start, ssm.state(), &mut self.motion)?;
+                    let (ssm, how) = (&self.probe.ssm, self.params.increment());
+                    let (from, to) = (&self.frame_start, ssm.state());
+                    self.sampler.motion_into(ssm, how, from, to, &mut self.motion)?;
                     let factor = self.params.ar_factor;
                     self.motion.iter_mut().for_each(|m| *m *= factor);
                 }
@@ -401,6 +424,14 @@ impl<A: AppearanceModel, S: StateSpaceModel> Pf<A, S> {
             }
         }
         Ok((Stop::Done, self.params.max_iters as u32))
+    }
+
+    /// Takes the deviations that the parameters ask for on the present base.
+    fn prepare_sampler(&mut self) -> Result<(), TrackError> {
+        self.sampler = self.params.deviations().sampler(&self.probe.ssm)?;
+        self.sampler.ar_factor = self.params.ar_factor;
+        self.sigma = self.sampler.sigma.clone();
+        Ok(())
     }
 
     /// Forgets all motion.
@@ -480,12 +511,9 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Pf<A, S
             top.abs()
         };
         self.scale = [top, size];
-        let p = &self.params;
-        self.sampler = Sampler::new(p.perturb, p.unit, p.sigma.clone());
-        self.sampler.ar_factor = p.ar_factor;
-        self.sampler.check(&self.probe.ssm)?;
-        let (n, s) = (p.n_particles, self.probe.ssm.dof());
-        let sets = p.sigma.0.len();
+        self.prepare_sampler()?;
+        let (n, s) = (self.params.n_particles, self.probe.ssm.dof());
+        let sets = self.sigma.0.len();
         self.cloud = Cloud {
             states: vec![0.0; n * s],
             last: vec![0.0; n * s],
@@ -552,7 +580,10 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Pf<A, S
     }
 
     fn set_region(&mut self, corners: &Corners) -> Result<(), TrackError> {
-        self.probe.set_region(corners)?;
+        if self.probe.set_region(corners)?.is_some() {
+            // What moves the corners by so many pixels depends on the base.
+            self.prepare_sampler()?;
+        }
         for (probe, _) in &mut self.helpers {
             probe.ssm.clone_from(&self.probe.ssm);
         }
@@ -593,17 +624,18 @@ impl<A: AppearanceModel + Clone, S: StateSpaceModel + Clone> Tracker for Pf<A, S
 
 type AllParams = (SamplingParams, PfParams);
 
-/// Fails for a switch that would change nothing.
-fn suits(assignments: &[Assignment<'_>], _: &Capabilities) -> Built<()> {
+/// Fails for a switch that would change nothing, and for samples that the warp does not allow.
+fn suits(assignments: &[Assignment<'_>], _: &Capabilities, ssm: &dyn StateSpaceModel) -> Built<()> {
     let (_, params) = AllParams::from_assignments(assignments)?;
-    if params.adapt_sets && params.sigma.0.len() == 1 {
+    let deviations = params.deviations();
+    if params.adapt_sets && deviations.sets() == 1 {
         return Err(ParamError::Unusable {
             name: "adapt_sets",
             value: true.text(),
             reason: "changes nothing with a single set; give sigma several".to_owned(),
         });
     }
-    Ok(())
+    deviations.suit(ssm)
 }
 
 /// The table row.
@@ -611,7 +643,7 @@ pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
     "pf",
     "particle filter",
     |a, mut am, ssm| {
-        suits(a, &Capabilities::of(&mut *am))?;
+        suits(a, &Capabilities::of(&mut *am), &*ssm)?;
         let (sampling, params) = AllParams::from_assignments(a)?;
         Ok(Box::new(Pf::with_params(sampling, params, am, ssm)))
     },
