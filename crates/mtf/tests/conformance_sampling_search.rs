@@ -13,6 +13,7 @@ crate::tests! {
     set_region_keeps_the_template;
     failures_are_typed_and_leave_the_tracker_usable;
     every_option_tracks;
+    geometric_samples_track;
     what_cannot_work_is_refused_with_a_reason;
 }
 
@@ -156,6 +157,8 @@ fn every_option_tracks() {
         "dynamics=random_walk",
         "perturb=points",
         "perturb=params,sigma=0.02",
+        "pix_sigma=3",
+        "pix_sigma=4|2|1,adapt_sets=1",
         "unit=side,sigma=0.02:0.02",
         "sigma=4:4|2:2|1:1,adapt_sets=1",
         "likelihood=am",
@@ -186,6 +189,11 @@ fn every_option_tracks() {
         "index=kd",
         "index=gnn",
         "index=fgnn,degree=60",
+        "index=kmeans",
+        "index=kmeans,centres=gonzales,kmeans_iters=0",
+        "index=composite",
+        "index=hierarchical,centres=kmeanspp",
+        "pix_sigma=0.5|1|2|4",
         "neighbours=40",
         "neighbours=20,index=linear,update=additive",
         "unit=side,sigma=0.03:0.02|0.01:0.005",
@@ -206,6 +214,30 @@ fn every_option_tracks() {
     }
 }
 
+/// Samples of shift, scale and angles find a motion of that kind.
+fn geometric_samples_track() {
+    let waves = Waves::new(5);
+    let [cx, cy] = quad().centroid();
+    let (sin, cos) = (1.03 * 0.03_f64.sin(), 1.03 * 0.03_f64.cos());
+    let (tx, ty) = (cx + 2.0 - cos * cx + sin * cy, cy - 1.5 - sin * cx - cos * cy);
+    let motion = Mat3::new(cos, -sin, tx, sin, cos, ty, 0.0, 0.0, 1.0);
+    let truth = homography::apply_corners(&motion, &quad());
+    let (first, next) = (still(&waves), moved(&waves, SIZE, &motion));
+    for id in [
+        "pf/ncc/similitude{perturb=geometric,sigma=2:2:0.03:0.03,max_iters=5,res=30}",
+        "pf/ncc/similitude{perturb=geometric,sigma=2:2:0.03:0.03,max_iters=5,res=30,update=additive}",
+        "pf/ncc/affine{perturb=geometric,sigma=2:2:0.03:0.03:0.02:0.5,max_iters=5,res=30,update=additive}",
+        "nn/ncc/affine{perturb=geometric,sigma=2:2:0.03:0.03:0.02:0.5|0.5:0.5:0.01:0.01:0.005:0.5,res=30}",
+        "nn/ncc/similitude{perturb=geometric,sigma=2:2:0.03:0.03|0.5:0.5:0.01:0.01,res=30}",
+    ] {
+        let mut tracker = build(id);
+        tracker.init(&first, &quad()).unwrap();
+        let update = tracker.update(&next).unwrap_or_else(|e| panic!("{id}: {e}"));
+        let error = alignment_error(&update.corners, &truth);
+        assert!(error < 1.0, "{id}: {error} px");
+    }
+}
+
 fn what_cannot_work_is_refused_with_a_reason() {
     let registry = Registry::builtin();
     let refused = |id: &str| match registry.build(&registry.parse(id).unwrap()) {
@@ -215,7 +247,28 @@ fn what_cannot_work_is_refused_with_a_reason() {
     for (id, words) in [
         ("regression/mi/homography", "no features with Euclidean distances"),
         ("regression/ssd/spline", "does not compose"),
-        ("nn/mi/homography{index=kd}", "auto, linear, gnn, fgnn"),
+        (
+            "nn/mi/homography{index=kd}",
+            "auto, linear, hierarchical, gnn, fgnn",
+        ),
+        ("nn/mi/homography{index=kmeans}", "not those of vectors"),
+        (
+            "nn/sad/homography{index=composite}",
+            "auto, linear, kd, hierarchical, gnn, fgnn with an appearance model whose distances are sums of",
+        ),
+        ("kmn/mi/homography", "index=kmeans"),
+        (
+            "pf/ssd/homography{perturb=geometric,sigma=1:1:1:1:1:1:1:1}",
+            "no geometric parameters",
+        ),
+        (
+            "nn/ssd/affine{perturb=geometric}",
+            "6 numbers in each set with perturb=geometric",
+        ),
+        ("pf/ssd/homography{sigma=1:2:3}", "1 or 2 or 8 numbers"),
+        ("pf/ssd/affine{pix_sigma=2,perturb=points}", "leave out one"),
+        ("nn/ssd/affine{pix_sigma=1:2}", "one number"),
+        ("pf/ssd/affine{pix_sigma=2,adapt_sets=1}", "single set"),
         (
             "nn/ssim/homography{neighbours=5}",
             "whose distances are not those of vectors",
@@ -224,7 +277,7 @@ fn what_cannot_work_is_refused_with_a_reason() {
         let reason = refused(id);
         assert!(reason.contains(words), "{id}: {reason}");
     }
-    // Deviations that do not fit the warp are told when the tracker starts.
-    let mut tracker = build("pf/ssd/homography{sigma=1:2:3}");
+    // Some warps have their parameters, whose number deviations must fit, only when they start.
+    let mut tracker = build("pf/ssd/spline{perturb=params,sigma=1:2:3}");
     assert!(tracker.init(&still(&Waves::new(1)), &quad()).is_err());
 }

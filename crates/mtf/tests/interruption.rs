@@ -83,6 +83,8 @@ fn long_starts_end() {
     for text in [
         "nn/ssd/homography{n_samples=300000,res=10x10}",
         "nn/mi/homography{n_samples=20000,res=10x10,index=gnn}",
+        "nn/mi/homography{n_samples=20000,res=10x10,index=hierarchical,trees=10}",
+        "nn/ssd/homography{n_samples=50000,res=20x20,index=kmeans,branching=200}",
         "regression/ssd/homography{n_samples=200000,res=20x20}",
         "grid(esm/ssd/affine; size=200x200)",
         "grid(flow{klt_window=101}; size=300x300)",

@@ -1,4 +1,4 @@
-//! Search methods that are short for composites of their models.
+//! Search methods that are short for composites of their models, or for a method with settings.
 //!
 //! One row each in [`SHORT`]; adding one is adding a row.
 
@@ -118,6 +118,39 @@ pub const SHORT: &[ShortEntry] = &[
         layers!("ransac"),
     ),
     ShortEntry::of(
+        "gnn",
+        INDEX,
+        "nearest neighbour by a walk over a graph of samples",
+        "nn/{am}/{ssm}{index=gnn}",
+    ),
+    ShortEntry::of(
+        "fgnn",
+        INDEX,
+        "the same, the graph made from distances along principal axes",
+        "nn/{am}/{ssm}{index=fgnn}",
+    ),
+    ShortEntry::of(
+        "kdt",
+        INDEX,
+        "nearest neighbour by a k-d tree",
+        "nn/{am}/{ssm}{index=kd}",
+    )
+    .also(&["nnkdt"]),
+    ShortEntry::of(
+        "kmn",
+        INDEX,
+        "nearest neighbour by a tree of means",
+        "nn/{am}/{ssm}{index=kmeans}",
+    )
+    .also(&["nnkmn"]),
+    ShortEntry::of(
+        "hcl",
+        INDEX,
+        "nearest neighbour by trees of clusters",
+        "nn/{am}/{ssm}{index=hierarchical}",
+    )
+    .also(&["nnhcl"]),
+    ShortEntry::of(
         "rklt",
         COMPOSITE,
         "flow grid with RANSAC, corrected by ICLK on a template",
@@ -186,4 +219,5 @@ pub const SHORT: &[ShortEntry] = &[
 ];
 
 const ROBUST: &[&str] = &["robust", "composite"];
+const INDEX: &[&str] = &["index"];
 const COMPOSITE: &[&str] = &["composite"];
