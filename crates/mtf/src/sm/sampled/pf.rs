@@ -656,3 +656,26 @@ pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
 .also(&["particle_filter"])
 .published("algorithm 7")
 .in_groups(&["stochastic"]);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::am::Ssd;
+    use crate::ssm::Translation;
+
+    #[test]
+    fn a_motion_in_pixels_stays_one_on_another_base() {
+        let mut pf = Pf::new(Ssd::default(), Translation::new());
+        pf.params.pix_sigma = SigmaSets::single(3.0);
+        let image = Image::from_fn(120, 100, |x, y| ((x * x + 7 * y) % 50) as f32);
+        pf.init(&Frame::from_gray(image), &Corners::rect(40.0, 40.0, 20.0, 20.0))
+            .unwrap();
+        let pixels = |pf: &Pf<Ssd, Translation>| pf.sigma.0[0][0] * pf.probe.ssm.base().radius;
+        // RMS over both directions of a shift.
+        let wanted = 3.0 / 2.0_f64.sqrt();
+        assert!((pixels(&pf) / wanted - 1.0).abs() < 0.05);
+        // Another size is none that a translation leads to.
+        pf.set_region(&Corners::rect(20.0, 20.0, 60.0, 50.0)).unwrap();
+        assert!((pixels(&pf) / wanted - 1.0).abs() < 0.05);
+    }
+}
