@@ -456,7 +456,7 @@ mod tests {
             seed: 0,
             threads: 1,
         };
-        let BenchReport { rows, failed } = run(&request, &AtomicBool::new(false), &|_| {}).unwrap();
+        let BenchReport { rows, failed, .. } = run(&request, &AtomicBool::new(false), &|_| {}).unwrap();
         assert_eq!((rows.len(), failed.len()), (2, 1));
         assert_eq!(
             (rows[0].tracker.as_str(), rows[0].frames),

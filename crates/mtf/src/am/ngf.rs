@@ -8,10 +8,11 @@
 //! At equal patches, `ρ = u²`: `h = ((1 - 2ρ)² u u' - ρ² Id)/|g|²`, and the mixed `d²f/dI dT` has the blocks
 //! `m = ((1 - 4ρ + 2ρ²) u u' + ρ Id)/|g|² = (2 (1 - ρ)² u u' + u⊥ u⊥')/|g|²`, which is positive semi-definite.
 //!
-//! `df/dI` does not vanish at `I = T`, because `|g|_η` rewards stronger gradients; the self Hessian is indefinite. As in
+//! `df/dI` does not vanish at `I = T`, because `|g|_η` rewards stronger gradients, and `d²f/dI²` there is indefinite. As in
 //! [`super::information`], gradients are centred by default, the weight of the bias taken over the fields `r d`, and all
-//! Hessians of a side are `-J' (d²f/dI dT) J` at the side's own patch twice. Exact on sharp images; the basin is a few
-//! sampling steps.
+//! Hessians of a side are `-J' (d²f/dI dT) J` at the side's own patch twice. Without centring, the self Hessian is
+//! `-Σ_i (dr_i/dp)' (dr_i/dp)`, as the original has it; nothing tracks with an indefinite one. Exact on sharp images; the
+//! basin is a few sampling steps.
 
 use super::{
     AppearanceModel, Derivatives, Distances, Metric, PatchShape, Properties, Reference, SelfGradient, Side,
@@ -30,9 +31,6 @@ crate::params! {
         ngf_eta: f64 = 0.0, in 0.0..=1e4, paper 100.0 => "follows the contrast of the template: AUC .798 against .783 with ESM (ICLK .770 against .777)";
         /// Centred gradients, exact at alignment; 0: derivatives of the similarity itself.
         centred: bool = true, changes [Derivatives], paper false => "the plain gradient does not vanish at alignment: AUC .798 against .795 with ESM, .770 against .747 with ICLK; the step is relaxed as well";
-        /// Self Hessian by outer products of dr/dp, which leaves out the curvature of r; 0: the exact one. Without effect on
-        /// centred gradients.
-        ngf_outer: bool = false, changes [Derivatives], paper true => "TBD";
         /// Likelihood exp(-alpha (1 - f/f(T,T))²): alpha.
         likelihood_alpha: f64 = 50.0, in 0.0..=1e6;
     }
@@ -141,15 +139,14 @@ impl Ngf {
         self.axes = axes;
     }
 
-    /// `Σ_ab J' D_a' diag(h_ab) D_b J` with the blocks `h` of a side against `other`: each is split along its axes.
-    fn plain_hessian(&mut self, side: Side, with_itself: bool, j: &Jacobian, h: &mut SymMatrix) {
+    /// `Σ_ab J' D_a' diag(h_ab) D_b J` with the blocks `h` of a side: each is split along its axes.
+    fn plain_hessian(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
         let Resolution { cols, rows } = self.res();
         let n = j.rows();
         let mut axes = std::mem::take(&mut self.axes);
         let mut curvature = std::mem::take(&mut self.curvature);
         curvature.resize(2 * n, 0.0);
         let (own, other) = self.fields(side);
-        let other = if with_itself { own } else { other };
         for i in 0..n {
             let wide = |v: &[f32]| f64::from(v[i]);
             let (u, v, k) = (
@@ -291,16 +288,14 @@ impl Derivatives for Ngf {
         if self.params.centred {
             self.mixed_hessian(side, j, h);
         } else {
-            self.plain_hessian(side, false, j, h);
+            self.plain_hessian(side, j, h);
         }
     }
     fn self_hessian_into(&mut self, side: Side, j: &Jacobian, h: &mut SymMatrix) {
         if self.params.centred {
             self.mixed_hessian(side, j, h);
-        } else if self.params.ngf_outer {
-            self.outer_hessian(side, j, h);
         } else {
-            self.plain_hessian(side, true, j, h);
+            self.outer_hessian(side, j, h);
         }
     }
 }
@@ -347,5 +342,82 @@ impl Reference for Ngf {
     }
     fn plain(&self) -> &'static [Assignment<'static>] {
         &[("centred", "0"), ("ngf_eta", "20")]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::am::Side;
+
+    #[test]
+    fn self_hessian_is_the_sum_of_outer_products() {
+        let res = Resolution { cols: 9, rows: 7 };
+        let (n, eta, dof) = (63, 20.0, 3);
+        let value = |i: usize, k: usize| 128.0 + 90.0 * ((0.9 + 0.3 * k as f64) * i as f64 + k as f64).sin();
+        let own: Vec<f64> = (0..n).map(|i| value(i, 0)).collect();
+        let mut j = Jacobian::new(n, dof);
+        for k in 0..dof {
+            for (i, v) in j.col_mut(k).iter_mut().enumerate() {
+                *v = (value(i, k + 1) - 128.0) as f32;
+            }
+        }
+        // u by definition, in double precision.
+        let field = |x: &[f64]| -> Vec<[f64; 2]> {
+            let at = |c: usize, r: usize| x[r.min(res.rows - 1) * res.cols + c.min(res.cols - 1)];
+            let of = |i: usize| {
+                let (c, r) = (i % res.cols, i / res.cols);
+                let gx = 0.5 * (at(c + 1, r) - at(c.saturating_sub(1), r));
+                let gy = 0.5 * (at(c, r + 1) - at(c, r.saturating_sub(1)));
+                let size = (gx * gx + gy * gy + eta * eta).sqrt();
+                [gx / size, gy / size]
+            };
+            (0..n).map(of).collect()
+        };
+        let u = field(&own);
+        let step = 1e-4;
+        let slope = |k: usize| -> Vec<f64> {
+            let moved = |d: f64| -> Vec<f64> {
+                let x: Vec<f64> = own
+                    .iter()
+                    .zip(j.col(k))
+                    .map(|(x, &v)| x + d * f64::from(v))
+                    .collect();
+                field(&x)
+                    .iter()
+                    .zip(&u)
+                    .map(|(a, b)| a[0] * b[0] + a[1] * b[1])
+                    .collect()
+            };
+            let (ahead, behind) = (moved(step), moved(-step));
+            ahead
+                .iter()
+                .zip(behind)
+                .map(|(a, b)| (a - b) / (2.0 * step))
+                .collect()
+        };
+        let slopes: Vec<Vec<f64>> = (0..dof).map(slope).collect();
+
+        let params = NgfParams {
+            ngf_eta: eta,
+            centred: false,
+            ..NgfParams::default()
+        };
+        let mut am = Ngf::new(params);
+        let patch: Vec<f32> = own.iter().map(|&v| v as f32).collect();
+        am.set_template(PatchShape { res, channels: 1 }, &patch).unwrap();
+        let mut h = SymMatrix::new(dof);
+        am.self_hessian_into(Side::Current, &j, &mut h);
+        for a in 0..dof {
+            for b in 0..dof {
+                let expected: f64 = -slopes[a].iter().zip(&slopes[b]).map(|(x, y)| x * y).sum::<f64>();
+                let scale = (h.get(a, a) * h.get(b, b)).sqrt();
+                assert!(
+                    (h.get(a, b) - expected).abs() < 1e-4 * scale,
+                    "{a} {b}: {} {expected}",
+                    h.get(a, b)
+                );
+            }
+        }
     }
 }
