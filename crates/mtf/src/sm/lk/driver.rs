@@ -497,7 +497,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
             let light = self.light.as_ref().map_or(0, Light::memory);
             (self.method.memory(), light)
         } else {
-            let light = self.light.as_ref().map_or(0, |l| 4 * (4 + l.dof()));
+            let light = self.light.as_ref().map_or(0, Light::bytes);
             let dof = match M::keeps_jacobian(self.hess()) {
                 true => needs.dof + self.light.as_ref().map_or(0, Light::dof),
                 false => 0,
