@@ -14,6 +14,7 @@ crate::tests! {
     a_run_tracks_and_leaves_what_it_promises;
     results_on_stdout_are_for_programs_too;
     settings_reach_the_trackers;
+    filters_are_part_of_what_a_run_is;
     mistakes_are_told_with_the_way_out;
     a_broken_frame_fails_its_sequence_and_no_other;
     faulty_data_is_refused_or_left_out;
@@ -76,7 +77,9 @@ fn lists_come_from_the_registry() {
         .assert()
         .success()
         .stdout(contains("esm").and(contains("homography")));
-    for what in ["sm", "am", "ssm", "ilm", "trackers", "params", "metrics"] {
+    for what in [
+        "sm", "am", "ssm", "ilm", "trackers", "params", "filters", "metrics",
+    ] {
         let output = program(dir.path())
             .args(["list", what, "--format", "json"])
             .output()
@@ -268,6 +271,49 @@ fn settings_reach_the_trackers() {
     assert_eq!(files, ["frame00001.png", "frame00003.png"]);
 }
 
+fn filters_are_part_of_what_a_run_is() {
+    let dir = with_data(&[4]);
+    let mut seen = Vec::new();
+    for (given, name) in [
+        ("Median:3, gaussian", "median:3,gaussian:5:3"),
+        ("gaussian,median:3", "gaussian:5:3,median:3"),
+        ("box", "box:5"),
+        ("bilateral:3", "bilateral:3:15:15"),
+        ("aniso", "aniso:0.142857:30:15"),
+        ("sobel", "sobel:5:0"),
+        ("histeq", "histeq"),
+    ] {
+        program(dir.path())
+            .args(["run", "data", "--out", "out", "--force", "--pre", given])
+            .assert()
+            .success();
+        let read = |file: &str| fs::read_to_string(dir.path().join("out").join(file)).unwrap();
+        let run: serde_json::Value = serde_json::from_str(&read("run.json")).unwrap();
+        assert_eq!(run["pre"], name);
+        let journal = read("journal.jsonl");
+        let key = journal.lines().find_map(|line| {
+            let line: serde_json::Value = serde_json::from_str(line).ok()?;
+            Some(line["key"].as_str()?.to_owned())
+        });
+        seen.push((
+            key.expect("a unit"),
+            read("frames/esm-ssd-homography/data/seq0.csv"),
+        ));
+    }
+    let count = seen.len();
+    let (mut keys, mut logs): (Vec<_>, Vec<_>) = seen.into_iter().unzip();
+    for list in [&mut keys, &mut logs] {
+        list.sort();
+        list.dedup();
+        assert_eq!(list.len(), count);
+    }
+    program(dir.path())
+        .args(["list", "filters"])
+        .assert()
+        .success()
+        .stdout(contains("bilateral:5:15:15").and(contains("median of a window")));
+}
+
 fn mistakes_are_told_with_the_way_out() {
     let dir = with_data(&[4]);
     let cases: &[(&[&str], i32, &str)] = &[
@@ -287,6 +333,11 @@ fn mistakes_are_told_with_the_way_out() {
         (&["run", "data", "--max-iters", "0"], 2, "--max-iters"),
         (&["run", "data", "--res", "0x9"], 2, "--res"),
         (&["run", "data", "--pre", "gausian"], 2, "gaussian"),
+        (
+            &["run", "data", "--pre", "box,median:2"],
+            2,
+            "odd size from 3 to 15",
+        ),
         (&["run", "data", "--sort", "aucc"], 2, "auc"),
         (&["run", "data", "--memory", "much"], 2, "512M"),
         (&["run", "nowhere"], 2, "nowhere"),

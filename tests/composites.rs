@@ -16,6 +16,8 @@ crate::tests! {
     pyramids_that_widen_take_small_patches_far;
     guards_find_again_and_put_back;
     leaders_are_asked_where_the_template_does_not_suffice;
+    a_template_leaves_out_what_its_leader_finds_covered;
+    members_that_share_their_models_are_checked;
     little_effort_is_for_little_motion;
     patches_that_fail_the_way_back_stay_out;
     points_under_an_occluder_are_rejected;
@@ -319,6 +321,109 @@ fn leaders_are_asked_where_the_template_does_not_suffice() {
         let leap = k == 3;
         assert_eq!(a.1 == b.1, leap, "{k}: {a:?} {b:?}");
     }
+}
+
+fn a_template_leaves_out_what_its_leader_finds_covered() {
+    let scene = Scene::new(true);
+    let truth: Vec<Mat3> = (0..5).map(motion).collect();
+    let hidden = |x: f64, y: f64| (20.0..110.0).contains(&x) && (20.0..100.0).contains(&y);
+    let frame = |(k, m): (usize, &Mat3)| scene.frame(m, |o, _| k > 0 && hidden(o[0], o[1]));
+    let frames: Vec<Frame> = truth.iter().enumerate().map(frame).collect();
+    let mut report = String::new();
+    for (leader, template) in [
+        ("flow", "iclk/ssd"),
+        ("flow{size=7x9,grid_cells=1}", "esm/ncc"),
+        (
+            "grid(esm/ssd/translation{res=15x15}; size=12x12, grid_reset=fixed)",
+            "fclk/zncc",
+        ),
+        (
+            "line(esm/ssd/translation{res=15x15}; size=12x12, grid_reset=fixed)",
+            "falk/ssd",
+        ),
+    ] {
+        let mean = |spi: u8| {
+            let text = format!("rklt({leader}, {template}/homography{{res=40x40}}; rkl_spi={spi})");
+            let errors = errors(&text, &frames, &truth);
+            errors.iter().sum::<f64>() / errors.len() as f64
+        };
+        let (all, selected) = (mean(0), mean(1));
+        if selected > 0.9 * all {
+            report += &format!("{leader} {template}: {all} {selected}\n");
+        }
+    }
+    assert!(report.is_empty(), "{report}");
+    let registry = Registry::builtin();
+    let refused = |text: &str| {
+        let built = registry.build(&registry.parse(text).unwrap());
+        built.err().map_or(String::new(), |e| e.to_string())
+    };
+    for (text, why) in [
+        (
+            "rklt(flow, esm/mi/homography; rkl_spi=1)",
+            "mi has no weights of single pixels",
+        ),
+        (
+            "rklt(flow, nn/ssd/homography; rkl_spi=1)",
+            "a gradient search is needed",
+        ),
+        (
+            "rklt(feature, esm/ssd/homography; rkl_spi=1)",
+            "a leader with a grid",
+        ),
+        (
+            "rklt(esm/ssd/affine, esm/ssd/homography; rkl_spi=1)",
+            "a leader with a grid",
+        ),
+    ] {
+        assert!(refused(text).contains(why), "{text}: {}", refused(text));
+        assert_eq!(refused(&text.replace("=1)", "=0)")), "", "{text}");
+    }
+}
+
+fn members_that_share_their_models_are_checked() {
+    let registry = Registry::builtin();
+    let build = |text: &str| registry.parse(text).and_then(|spec| registry.build(&spec));
+    for name in ["casm", "prsm"] {
+        build(&format!("{name}(nn/ncc/affine, esm/ncc/affine{{max_iters=5}})")).unwrap();
+        build(&format!("{name}(lmes/ncc/affine, esm/ncc/affine)")).unwrap();
+        for other in [
+            "esm/ssd/affine",
+            "esm/ncc/homography",
+            "flow",
+            "cascade(esm/ncc/affine)",
+        ] {
+            let error = build(&format!("{name}(nn/ncc/affine, {other})"))
+                .err()
+                .unwrap()
+                .to_string();
+            assert!(
+                error.contains("the same appearance and state space model"),
+                "{error}"
+            );
+        }
+    }
+    // The same trackers as those that take any members.
+    let scene = Scene::new(true);
+    let truth: Vec<Mat3> = (0..4).map(motion).collect();
+    let frames: Vec<Frame> = truth.iter().map(|m| scene.plain(m)).collect();
+    let members = "fclk/ssd/affine, esm/ssd/affine";
+    for (same, any) in [
+        (format!("casm({members})"), format!("cascade({members})")),
+        (format!("prsm({members})"), format!("parallel({members})")),
+        (
+            format!("prls({members}; estimate=mean_states)"),
+            format!("parallel({members}; estimate=mean_states, state_ssm=affine)"),
+        ),
+    ] {
+        assert_eq!(errors(&same, &frames, &truth), errors(&any, &frames, &truth));
+    }
+    assert_eq!(registry.parse("pysm(esm)"), registry.parse("pyramid(esm)"));
+    let error = build(&format!("prsm({members}; state_ssm=affine)"))
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(error.contains("of no use to prsm"), "{error}");
 }
 
 fn little_effort_is_for_little_motion() {

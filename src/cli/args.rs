@@ -153,7 +153,8 @@ pub struct TrackerArgs {
     /// Image channels to track in: 1 (gray) or 3 [default: 1]
     #[arg(long, value_name = "N", value_parser = channels)]
     pub channels: Option<usize>,
-    /// Filter applied to each frame: `none`, `gaussian[:size[:sigma]]` [default: gaussian:5:3]
+    /// Filter applied to each frame, or several separated by commas: `none`, `gaussian[:size[:sigma]]`, `box[:size]`,
+    /// `median[:size]` and others (see `list filters`) [default: gaussian:5:3]
     #[arg(long, value_name = "FILTER")]
     pub pre: Option<String>,
 }

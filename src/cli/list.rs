@@ -9,6 +9,7 @@ use crate::metric::figure;
 use crate::report::{Format, render};
 use clap::{Args, ValueEnum};
 use mtf::ilm::IlmEntry;
+use mtf::image::PREPROCESSORS;
 use mtf::registry::{Expansion, Selection};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
@@ -43,6 +44,8 @@ pub enum ListWhat {
     Trackers,
     /// Every parameter with default and range
     Params,
+    /// Filters of frames
+    Filters,
     /// Error metrics and figures
     Metrics,
     /// Sequences
@@ -84,7 +87,7 @@ pub fn run(args: &ListArgs, program: &Program) -> Outcome {
         (_, many) => {
             let section = |l: &Listing| format!("{}\n\n{}", l.title, table(l));
             let sections: Vec<String> = many.iter().map(section).collect();
-            let more = "More: mtf-eval list trackers|params|metrics|data|formats\n";
+            let more = "More: mtf-eval list trackers|params|filters|metrics|data|formats\n";
             format!("{}\n{more}", sections.join("\n"))
         }
     };
@@ -229,6 +232,10 @@ fn listing(what: ListWhat, program: &Program, data: &[PathBuf]) -> Result<Listin
                 vec!["parameter", "default", "paper", "allowed", "description"],
                 rows.collect(),
             )
+        }
+        ListWhat::Filters => {
+            let rows = PREPROCESSORS.iter().map(|e| row(&[e.usage, e.summary]));
+            ("filters", vec!["filter", "description"], rows.collect())
         }
         ListWhat::Metrics => {
             let rows = figure::listing(metrics).into_iter().map(Vec::from).collect();

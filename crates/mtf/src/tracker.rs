@@ -3,6 +3,7 @@
 use crate::geom::Corners;
 use crate::image::Frame;
 use crate::interrupt::Interrupted;
+use crate::params::Resolution;
 use auto_impl::auto_impl;
 
 /// Why a frame's search ended.
@@ -128,6 +129,15 @@ pub fn afford(tracker: &dyn Tracker, allowed: u64) -> Result<(), TooLarge> {
     Ok(())
 }
 
+/// Which points of a regular grid over the object are marked.
+#[derive(Clone, Copy, Debug)]
+pub struct Marks<'a> {
+    /// Points of the grid.
+    pub size: Resolution,
+    /// One mark for each, row by row.
+    pub marks: &'a [bool],
+}
+
 /// A tracker of one planar object. Object safe; composites implement it over other trackers.
 #[auto_impl(Box)]
 pub trait Tracker: Send {
@@ -156,6 +166,17 @@ pub trait Tracker: Send {
     /// corners tells.
     fn place(&self, _x: [f64; 2]) -> Option<[f64; 2]> {
         None
+    }
+
+    /// The points of its grid that agreed with its answer in the last frame; `None` for trackers that have no such grid.
+    fn agreeing(&self) -> Option<Marks<'_>> {
+        None
+    }
+
+    /// From the next frame on uses only those points of its patch that lie next to marked ones; all again with `None`. False
+    /// for trackers that cannot leave out points.
+    fn use_points(&mut self, _marked: Option<Marks<'_>>) -> bool {
+        false
     }
 
     /// Seed of all randomness; called before `init`. Trackers without randomness ignore it.

@@ -14,6 +14,7 @@ crate::tests! {
     whole_pixels_gain_and_bias_are_exact;
     the_light_itself_is_estimated_and_forgotten_at_init;
     local_models_follow_local_light;
+    inverse_increments_of_local_light_converge_like_those_of_the_whole;
     every_combination_with_illumination_recovers_small_motion;
     every_hessian_and_option_works_with_illumination;
     levenberg_marquardt_restores_the_light;
@@ -129,6 +130,34 @@ fn local_models_follow_local_light() {
             pgb < 0.6 * gb.min(none) && rbf < 0.6 * gb.min(none),
             "{sm}: {none} {gb} {pgb} {rbf}"
         );
+    }
+}
+
+/// ICLK from one uneven light to the next: what it gains per iteration does not suffer from a composition that is no state.
+fn inverse_increments_of_local_light_converge_like_those_of_the_whole() {
+    let waves = Waves::new(3);
+    let still = moved(&waves, SIZE, &Mat3::identity());
+    let first = |x: f64, y: f64| 0.8 + 0.004 * (x - 120.0) - 0.003 * (y - 100.0);
+    let second = |x: f64, y: f64| 1.1 - 0.004 * (x - 120.0) + 0.003 * (y - 100.0);
+    let frames = [lit(&still, first, 40.0), lit(&still, second, -20.0)];
+    // With formulas for single coefficients: 7e-4, 5e-4, 8e-3 and 6e-4 px.
+    for (models, iterations, most) in [
+        ("ssd+pgb", 4, 4e-4),
+        ("ssd+rbf", 4, 3.5e-4),
+        ("ncc+pgb", 4, 6.5e-3),
+        ("ncc+rbf", 6, 3e-4),
+    ] {
+        let after = |iterations: usize| {
+            let text = |n: usize| format!("iclk/{models}/homography{{epsilon=0,max_iters={n}}}");
+            let mut tracker = build(&text(iterations));
+            tracker.init(&still, &quad()).unwrap();
+            for frame in &frames {
+                tracker.update(frame).unwrap();
+            }
+            tracker.corners()
+        };
+        let error = alignment_error(&after(iterations), &after(60));
+        assert!(error < most, "{models}: {error} px from the limit");
     }
 }
 

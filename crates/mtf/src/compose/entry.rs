@@ -27,6 +27,8 @@ pub struct Member<'a> {
     /// Its kind, for composites that treat one specially: the name of the composite, or of a single-layer tracker's search
     /// method.
     pub kind: &'a str,
+    /// Its appearance model and its state space model; `None` for composites, whose members have theirs.
+    pub models: Option<[&'a str; 2]>,
     /// Its parameters.
     pub infos: Vec<&'a ParamInfo>,
     /// Those that differ from their defaults.

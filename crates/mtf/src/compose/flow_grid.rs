@@ -9,7 +9,7 @@ use crate::image::Frame;
 use crate::interrupt;
 use crate::params::Params;
 use crate::ssm::{self, StateSpaceModel};
-use crate::tracker::{Stop, TrackError, Tracker, Update};
+use crate::tracker::{Marks, Stop, TrackError, Tracker, Update};
 use std::sync::Arc;
 
 pub(super) type FlowSettings = (KltParams, PointSettings);
@@ -217,6 +217,11 @@ impl<S: StateSpaceModel> Tracker for FlowGrid<S> {
 
     fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
         ssm::place(&self.nodes.ssm, x)
+    }
+
+    fn agreeing(&self) -> Option<Marks<'_>> {
+        let (size, marks) = (self.nodes.params.size, self.nodes.inliers());
+        (!marks.is_empty()).then_some(Marks { size, marks })
     }
 
     fn reseed(&mut self, seed: u64) {

@@ -13,7 +13,7 @@ use crate::image::Frame;
 use crate::interrupt;
 use crate::params::{Params, Resolution, param_enum};
 use crate::ssm::{self, StateSpaceModel};
-use crate::tracker::{Stop, TrackError, Tracker, Update};
+use crate::tracker::{Marks, Stop, TrackError, Tracker, Update};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -490,6 +490,11 @@ impl<S: StateSpaceModel> Tracker for Grid<S> {
 
     fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
         ssm::place(&self.nodes.ssm, x)
+    }
+
+    fn agreeing(&self) -> Option<Marks<'_>> {
+        let (size, marks) = (self.nodes.params.size, self.nodes.inliers());
+        (!marks.is_empty()).then_some(Marks { size, marks })
     }
 
     fn reseed(&mut self, seed: u64) {

@@ -9,7 +9,7 @@ use crate::geom::Corners;
 use crate::image::Frame;
 use crate::params::Params;
 use crate::ssm::StateSpaceModel;
-use crate::tracker::{TrackError, Tracker, Update};
+use crate::tracker::{Marks, TrackError, Tracker, Update};
 use std::sync::Arc;
 
 type LineSettings = (LineParams, GridSettings);
@@ -80,6 +80,9 @@ impl<S: StateSpaceModel> Tracker for LineTracker<S> {
     }
     fn place(&self, x: [f64; 2]) -> Option<[f64; 2]> {
         self.grid.place(x)
+    }
+    fn agreeing(&self) -> Option<Marks<'_>> {
+        self.grid.agreeing()
     }
     fn reseed(&mut self, seed: u64) {
         self.grid.reseed(seed);

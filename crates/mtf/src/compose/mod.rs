@@ -16,6 +16,7 @@ mod nodes;
 mod parallel;
 mod pyramid;
 mod rklt;
+mod same;
 mod seed;
 mod short;
 mod straighten;
@@ -38,6 +39,8 @@ pub const COMPOSITES: &[CompositeEntry] = &[
     cascade::ENTRY,
     parallel::ENTRY,
     pyramid::ENTRY,
+    same::CASCADE,
+    same::PARALLEL,
     rklt::ENTRY,
     guard::ENTRY,
     grid::ENTRY,

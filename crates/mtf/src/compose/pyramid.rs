@@ -38,7 +38,7 @@ pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<PyramidParams>(
     },
     CompositeFamily { members: (1, 1) },
 )
-.also(&["pyr"])
+.also(&["pyr", "pysm", "pyrs"])
 .published("section 3.2");
 
 /// Fewest points per side of a coarse level.

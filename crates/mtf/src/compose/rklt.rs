@@ -1,9 +1,12 @@
 //! RKLT: a tracker that follows from frame to frame (a grid with a robust fit) leads, one with a fixed template corrects
 //! its drift (Zhang, Singh & Jagersand 2015). When the two end far apart one has failed: the leader, if the template tracker
 //! sees the object as well as ever from where it was, or else the template, and the leader's answer stands.
+//!
+//! With selective pixel integration (Dellaert & Collins 1999) the template tracker leaves out what lies next to points of the
+//! leader's grid that do not agree with the leader's fit: what is covered, or lit differently.
 
-use super::entry::{CompositeEntry, CompositeFamily};
-use super::members;
+use super::entry::{CompositeEntry, CompositeFamily, Member, Refused};
+use super::{flow_grid, grid, line, members};
 use crate::geom::Corners;
 use crate::image::Frame;
 use crate::interrupt;
@@ -20,6 +23,9 @@ crate::params! {
         rkl_failure_detection: bool = true;
         /// Root of the summed squared corner distances beyond which the template has failed, px.
         rkl_failure_thresh: f64 = 40.0, in 0.0..=1e4, paper 15.0 => "the template corrects a leader that slips by some pixels a corner; AUC .901 with both";
+        /// The template tracker uses only those of its points whose nearest point of the leader's grid agrees with the leader's
+        /// fit. Needs a leader with a grid (flow, grid, line) and a gradient search with a model that can leave out pixels.
+        rkl_spi: bool = false, paper true => "fewer pixels lose the object sooner: AUC .901 against .886 (SR@1 .829 against .836), and most models cannot leave out any";
         /// Similarity of the template tracker's, in its own units, from which its answer is enough that starts where the object
         /// was: the leader is not asked then. 1e30: never.
         rkl_enough: f64 = NEVER, in -NEVER..=NEVER;
@@ -32,6 +38,9 @@ pub(super) const ENTRY: CompositeEntry = CompositeEntry::new::<RkltParams>(
     "a leader from frame to frame, and a fixed template that corrects its drift",
     |a, parts| {
         let params = RkltParams::from_assignments(a)?;
+        if params.rkl_spi {
+            selects(&parts.members[0], &parts.members[1])?;
+        }
         let [leader, template] = [0, 1].map(|i| Arc::clone(&parts.members[i].make));
         Ok(Arc::new(move || {
             Ok(Box::new(Rklt::new(params.clone(), leader()?, template()?)))
@@ -46,6 +55,28 @@ const NEVER: f64 = 1e30;
 
 /// Share of the usual similarity that may be missing where the object is seen as well as ever.
 const LESS: f64 = 0.1;
+
+/// Fails unless the leader has a grid of points and the template tracker can leave out pixels.
+fn selects(leader: &Member<'_>, template: &Member<'_>) -> Result<(), Refused> {
+    let grids = [flow_grid::ENTRY.name, grid::ENTRY.name, line::ENTRY.name];
+    let why = if !grids.contains(&leader.kind) {
+        format!("a leader with a grid ({}) is needed", grids.join(", "))
+    } else if template.value("spi").is_none() {
+        format!(
+            "a gradient search is needed as template tracker, not {}",
+            template.kind
+        )
+    } else {
+        // A model that can select points by a rule of its own can leave out any.
+        match (template.adapt)(&[("spi", "gradient")]) {
+            Ok(_) => return Ok(()),
+            Err(e) => e.to_string(),
+        }
+    };
+    Err(Refused::Unfit(format!(
+        "rkl_spi=1: {why}; rkl_spi=0 uses all pixels"
+    )))
+}
 
 /// A leader and a template tracker.
 pub struct Rklt {
@@ -73,8 +104,12 @@ impl Rklt {
         [self.leader.as_ref(), self.template.as_ref()]
     }
 
-    /// The template tracker's answer from `start` on.
-    fn correct(&mut self, frame: &Frame, start: &Corners) -> Result<Update, TrackError> {
+    /// The template tracker's answer from `start` on, by the points next to those of the leader's that agree if `selected`.
+    fn correct(&mut self, frame: &Frame, start: &Corners, selected: bool) -> Result<Update, TrackError> {
+        if self.params.rkl_spi {
+            let marked = self.leader.agreeing().filter(|_| selected);
+            self.template.use_points(marked);
+        }
         if self.template.corners() != *start {
             self.template.set_region(start)?;
         }
@@ -84,7 +119,8 @@ impl Rklt {
     /// The template tracker's answer from where the object was, when its similarity is at least `least`.
     fn stay(&mut self, frame: &Frame, least: f64) -> Option<Update> {
         let start = self.corners;
-        let update = self.correct(frame, &start).ok();
+        // The leader has not seen this frame, or is wrong.
+        let update = self.correct(frame, &start, false).ok();
         update.filter(|u| u.similarity >= least)
     }
 
@@ -103,6 +139,12 @@ impl Tracker for Rklt {
     fn init(&mut self, frame: &Frame, corners: &Corners) -> Result<(), TrackError> {
         self.leader.init(frame, corners)?;
         self.template.init(frame, corners)?;
+        if self.params.rkl_spi && self.leader.agreeing().is_none() {
+            return Err(TrackError::Unable("the leader has no grid of points"));
+        }
+        if self.params.rkl_spi && !self.template.use_points(None) {
+            return Err(TrackError::Unable("the template tracker cannot leave out points"));
+        }
         self.corners = *corners;
         self.usual = f64::INFINITY;
         Ok(())
@@ -120,7 +162,7 @@ impl Tracker for Rklt {
         let led = self.leader.update(frame);
         // Without a leader the template starts from where the object was.
         let start = led.as_ref().map_or(self.corners, |u| u.corners);
-        let mut corrected = self.correct(frame, &start).ok();
+        let mut corrected = self.correct(frame, &start, led.is_ok()).ok();
         if led.is_ok() && self.params.rkl_failure_detection {
             let apart = |u: &Update| u.corners.distance_squared(&start).sqrt();
             corrected = corrected.filter(|u| apart(u) <= self.params.rkl_failure_thresh);

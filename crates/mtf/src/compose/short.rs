@@ -69,7 +69,7 @@ macro_rules! layers {
             $estimator,
             "), grid(iclk/{am}/translation{res=15x15,epsilon=0.01}; ssm={ssm}, grid_reset=fixed, estimator=",
             $estimator,
-            "); rkl_enough=0.7)"
+            "); rkl_enough=0.7, rkl_spi=0)"
         )
     };
 }
@@ -86,6 +86,34 @@ macro_rules! after {
     ($first:literal, $then:literal) => {
         concat!("cascade(", $first, "/{am}/{ssm}, ", $then, "/{lit}/{ssm})")
     };
+}
+
+/// Layers of a search method with falling deviations of each corner coordinate, px, and what comes after them.
+macro_rules! falling {
+    ($sm:literal [$($sigma:literal),+] $($then:literal)?) => {
+        concat!(
+            "cascade(",
+            falling!(@ $sm $($sigma),+),
+            $(", ", $then, "/{lit}/{ssm}",)?
+            ")"
+        )
+    };
+    (@ $sm:literal $sigma:literal) => {
+        concat!($sm, "/{am}/{ssm}{sigma=", $sigma, "}")
+    };
+    (@ $sm:literal $sigma:literal, $($rest:literal),+) => {
+        concat!(falling!(@ $sm $sigma), ", ", falling!(@ $sm $($rest),+))
+    };
+}
+
+/// Particle filters of 6, 4 and 2 px.
+macro_rules! pfk {
+    ($($then:literal)?) => { falling!("pf" ["6", "4", "2"] $($then)?) };
+}
+
+/// Nearest neighbours among samples of 5 to 1 px.
+macro_rules! nnk {
+    ($($then:literal)?) => { falling!("nn" ["5", "4", "3", "2", "1"] $($then)?) };
 }
 
 /// Every short name.
@@ -162,7 +190,7 @@ pub const SHORT: &[ShortEntry] = &[
         "lmes",
         COMPOSITE,
         "flow grid with LMedS, corrected by ESM on a template",
-        "rklt(flow{ssm={ssm},estimator=lmeds}, esm/{lit}/{ssm})",
+        "rklt(flow{ssm={ssm},estimator=lmeds}, esm/{lit}/{ssm}; rkl_spi=0)",
     )
     .published("section 3.2"),
     ShortEntry::of("gric", COMPOSITE, "flow grid, then ICLK", flow!("iclk")),
@@ -210,6 +238,83 @@ pub const SHORT: &[ShortEntry] = &[
         after!("pf", "esm"),
     )
     .published("section 3.2"),
+    ShortEntry::of(
+        "nnrk",
+        COMPOSITE,
+        "nearest neighbour, then RKLT",
+        after!("nn", "rklt"),
+    )
+    .published(ORIGINAL),
+    ShortEntry::of(
+        "pfrk",
+        COMPOSITE,
+        "particle filter, then RKLT",
+        after!("pf", "rklt"),
+    )
+    .published(ORIGINAL),
+    ShortEntry::of(
+        "pfk",
+        COMPOSITE,
+        "three particle filters, the next finer than the one before",
+        pfk!(),
+    )
+    .published(ORIGINAL),
+    ShortEntry::of(
+        "pfkic",
+        COMPOSITE,
+        "three particle filters, then ICLK",
+        pfk!("iclk"),
+    )
+    .published(ORIGINAL),
+    ShortEntry::of(
+        "pfkfc",
+        COMPOSITE,
+        "three particle filters, then FCLK",
+        pfk!("fclk"),
+    )
+    .published(ORIGINAL),
+    ShortEntry::of(
+        "pfkes",
+        COMPOSITE,
+        "three particle filters, then ESM",
+        pfk!("esm"),
+    )
+    .published(ORIGINAL),
+    ShortEntry::of(
+        "nnk",
+        COMPOSITE,
+        "five nearest-neighbour searches, the next finer than the one before",
+        nnk!(),
+    )
+    .published(ORIGINAL),
+    ShortEntry::of(
+        "nnkic",
+        COMPOSITE,
+        "five nearest-neighbour searches, then ICLK",
+        nnk!("iclk"),
+    )
+    .published(ORIGINAL),
+    ShortEntry::of(
+        "nnkfc",
+        COMPOSITE,
+        "five nearest-neighbour searches, then FCLK",
+        nnk!("fclk"),
+    )
+    .published(ORIGINAL),
+    ShortEntry::of(
+        "nnkes",
+        COMPOSITE,
+        "five nearest-neighbour searches, then ESM",
+        nnk!("esm"),
+    )
+    .published(ORIGINAL),
+    ShortEntry::of(
+        "hrch",
+        COMPOSITE,
+        "ESM with a similitude, then with the whole warp",
+        "cascade(esm/{lit}/similitude, esm/{lit}/{ssm})",
+    )
+    .published(ORIGINAL),
     ShortEntry::of("pyic", COMPOSITE, "pyramid of ICLK", "pyramid(iclk/{lit}/{ssm})")
         .also(&["pyr"])
         .published("section 3.2"),
@@ -218,6 +323,8 @@ pub const SHORT: &[ShortEntry] = &[
     ShortEntry::of("pyes", COMPOSITE, "pyramid of ESM", "pyramid(esm/{lit}/{ssm})").published("section 3.2"),
 ];
 
+/// Of the original, which the paper says nothing of.
+const ORIGINAL: &str = "the original alone";
 const ROBUST: &[&str] = &["robust", "composite"];
 const INDEX: &[&str] = &["index"];
 const COMPOSITE: &[&str] = &["composite"];

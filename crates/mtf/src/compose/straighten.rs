@@ -2,7 +2,8 @@
 //! through them.
 //!
 //! Lines are homogeneous, `l = argmin Σ w (l·x)²` with a normal of unit length (total least squares), weighted by how
-//! near each point is to the node its two lines make.
+//! near each point is to the node its two lines make. Lines held parallel share the normal of least `Σ w (l·x)²` over all
+//! lines of the family, each line its own offset.
 
 use crate::params::Resolution;
 
@@ -13,6 +14,9 @@ crate::params! {
         line_rounds: usize = 6, in 1..=100;
         /// Points farther than this from the node that their lines make are moved there, px.
         line_outlier: f64 = 5.0, in 0.1..=1e4;
+        /// All rows have one slope, and all columns have one, as under an affine warp: lines that are parallel on the object stay
+        /// so.
+        line_constant_slope: bool = false;
     }
 }
 
@@ -32,6 +36,7 @@ pub(super) struct Lines {
     sorted: Vec<f64>,
     rows: Vec<Option<Line>>,
     cols: Vec<Option<Line>>,
+    moments: Vec<Option<Moments>>,
     nodes: Vec<Option<[f64; 2]>>,
 }
 
@@ -45,6 +50,7 @@ impl Lines {
             sorted: Vec::new(),
             rows: Vec::new(),
             cols: Vec::new(),
+            moments: Vec::new(),
             nodes: Vec::new(),
         }
     }
@@ -105,43 +111,96 @@ impl Lines {
     fn fit(&mut self, found: &[Option<[f64; 2]>]) {
         let Resolution { cols, rows } = self.size;
         let weights = &self.weights;
-        let through = |indices: &mut dyn Iterator<Item = usize>| {
-            total_least_squares(indices.filter_map(|i| Some((found[i]?, weights[i]))))
+        let moments = |indices: &mut dyn Iterator<Item = usize>| {
+            Moments::of(indices.filter_map(|i| Some((found[i]?, weights[i]))))
         };
-        self.rows.clear();
-        self.rows
-            .extend((0..rows).map(|r| through(&mut (r * cols..(r + 1) * cols))));
-        self.cols.clear();
-        self.cols
-            .extend((0..cols).map(|c| through(&mut (0..rows).map(|r| r * cols + c))));
+        let parallel = self.params.line_constant_slope;
+        let of_rows = (0..rows).map(|r| moments(&mut (r * cols..(r + 1) * cols)));
+        family(of_rows, parallel, &mut self.moments, &mut self.rows);
+        let of_cols = (0..cols).map(|c| moments(&mut (0..rows).map(|r| r * cols + c)));
+        family(of_cols, parallel, &mut self.moments, &mut self.cols);
         fill(&mut self.rows);
         fill(&mut self.cols);
     }
 }
 
-/// The line of least weighted squared distance from the points; `None` for fewer than two that count.
-fn total_least_squares(points: impl Iterator<Item = ([f64; 2], f64)>) -> Option<Line> {
-    // Sums about the first point, which loses no digits.
-    let (mut origin, mut count) = (None, 0);
-    let (mut sw, mut sx, mut sy, mut sxx, mut sxy, mut syy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-    for (p, w) in points {
-        let o = *origin.get_or_insert(p);
-        let (x, y) = (p[0] - o[0], p[1] - o[1]);
-        count += usize::from(w > 1e-6);
-        sw += w;
-        sx += w * x;
-        sy += w * y;
-        sxx += w * x * x;
-        sxy += w * x * y;
-        syy += w * y * y;
+/// The lines through the points of each row, or of each column; `None` for those with too few points.
+fn family(
+    moments: impl Iterator<Item = Option<Moments>>,
+    parallel: bool,
+    kept: &mut Vec<Option<Moments>>,
+    lines: &mut Vec<Option<Line>>,
+) {
+    kept.clear();
+    kept.extend(moments);
+    lines.clear();
+    if !parallel {
+        lines.extend(kept.iter().map(|m| {
+            let m = m.as_ref().filter(|m| m.count >= 2)?;
+            Some(m.line(normal(m.spread)?))
+        }));
+        return;
     }
-    let o = origin?;
-    if count < 2 {
-        return None;
+    let total: f64 = kept.iter().flatten().map(|m| m.weight).sum();
+    let sum = |k: usize| {
+        let of_lines = kept.iter().flatten().map(|m| m.weight * m.spread[k]);
+        of_lines.sum::<f64>() / total
+    };
+    let shared = normal([sum(0), sum(1), sum(2)]);
+    // A point is enough for a line whose direction is known.
+    lines.extend(kept.iter().map(|m| {
+        let m = m.as_ref().filter(|m| m.count >= 1)?;
+        Some(m.line(shared?))
+    }));
+}
+
+/// Weighted moments of points.
+#[derive(Clone, Copy, Debug)]
+struct Moments {
+    /// Sum of the weights, and the number of points that count.
+    weight: f64,
+    count: usize,
+    mean: [f64; 2],
+    /// `xx, xy, yy` about the mean, per weight.
+    spread: [f64; 3],
+}
+
+impl Moments {
+    /// `None` of no points.
+    fn of(points: impl Iterator<Item = ([f64; 2], f64)>) -> Option<Self> {
+        // Sums about the first point, which loses no digits.
+        let (mut origin, mut count) = (None, 0);
+        let (mut sw, mut sx, mut sy, mut sxx, mut sxy, mut syy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        for (p, w) in points {
+            let o = *origin.get_or_insert(p);
+            let (x, y) = (p[0] - o[0], p[1] - o[1]);
+            count += usize::from(w > 1e-6);
+            sw += w;
+            sx += w * x;
+            sy += w * y;
+            sxx += w * x * x;
+            sxy += w * x * y;
+            syy += w * y * y;
+        }
+        let o = origin.filter(|_| count > 0)?;
+        let (mx, my) = (sx / sw, sy / sw);
+        Some(Moments {
+            weight: sw,
+            count,
+            mean: [o[0] + mx, o[1] + my],
+            spread: [sxx / sw - mx * mx, sxy / sw - mx * my, syy / sw - my * my],
+        })
     }
-    let (mx, my) = (sx / sw, sy / sw);
-    let (a, b, c) = (sxx / sw - mx * mx, sxy / sw - mx * my, syy / sw - my * my);
-    // Normal: eigenvector of the smaller eigenvalue of [a b; b c], perpendicular to that of the larger one.
+
+    /// The line with a unit normal through the mean.
+    fn line(&self, n: [f64; 2]) -> Line {
+        [n[0], n[1], -(n[0] * self.mean[0] + n[1] * self.mean[1])]
+    }
+}
+
+/// Normal of the line of least weighted squared distance from points of that spread; `None` for points that coincide.
+fn normal([a, b, c]: [f64; 3]) -> Option<[f64; 2]> {
+    // Eigenvector of the smaller eigenvalue of [a b; b c], perpendicular to that of the larger one.
     let (half, mean) = ((a - c) / 2.0, (a + c) / 2.0);
     let root = (half * half + b * b).sqrt();
     let along = if half >= 0.0 {
@@ -150,11 +209,10 @@ fn total_least_squares(points: impl Iterator<Item = ([f64; 2], f64)>) -> Option<
         [b, root - half]
     };
     let length = libm::hypot(along[0], along[1]);
-    if mean + root < 1e-6 || length < 1e-12 {
+    if mean.is_nan() || mean + root < 1e-6 || length < 1e-12 {
         return None;
     }
-    let n = [-along[1] / length, along[0] / length];
-    Some([n[0], n[1], -(n[0] * (o[0] + mx) + n[1] * (o[1] + my))])
+    Some([-along[1] / length, along[0] / length])
 }
 
 /// Gives lines that have too few points the mean of their nearest neighbours on both sides.
@@ -248,6 +306,70 @@ mod tests {
         }
         // Between its neighbours; perspective moves it a little.
         assert!(worst(&found) < 2.0, "{}", worst(&found));
+    }
+
+    /// Largest sine of an angle between two rows, or two columns, of nodes.
+    fn skew(nodes: &[Option<[f64; 2]>]) -> f64 {
+        let at = |r: usize, c: usize| nodes[r * SIZE.cols + c].unwrap();
+        let along = |from: [f64; 2], to: [f64; 2]| {
+            let d = [to[0] - from[0], to[1] - from[1]];
+            d.map(|v| v / d[0].hypot(d[1]))
+        };
+        let rows: Vec<_> = (0..SIZE.rows)
+            .map(|r| along(at(r, 0), at(r, SIZE.cols - 1)))
+            .collect();
+        let cols: Vec<_> = (0..SIZE.cols)
+            .map(|c| along(at(0, c), at(SIZE.rows - 1, c)))
+            .collect();
+        let worst = |lines: &[[f64; 2]]| {
+            let sine = |d: &[f64; 2]| (d[0] * lines[0][1] - d[1] * lines[0][0]).abs();
+            lines.iter().map(sine).fold(0.0, f64::max)
+        };
+        worst(&rows).max(worst(&cols))
+    }
+
+    #[test]
+    fn lines_of_one_slope_are_parallel() {
+        let straighten = |line_constant_slope: bool, found: &mut [Option<[f64; 2]>]| {
+            let params = LineParams {
+                line_constant_slope,
+                ..LineParams::default()
+            };
+            let mut lost = vec![false; 30];
+            Lines::new(params, SIZE).straighten(&grids().0, found, &mut lost);
+        };
+        // Perspective is seen, or held back.
+        let seen: Vec<_> = grids().1.into_iter().map(Some).collect();
+        let (mut free, mut held) = (seen.clone(), seen);
+        straighten(false, &mut free);
+        straighten(true, &mut held);
+        assert!(skew(&free) > 0.02, "{}", skew(&free));
+        assert!(skew(&held) < 1e-9, "{}", skew(&held));
+        // An affine view with noise: nearer to the truth than without.
+        let m = Mat3::new(0.9, -0.3, 40.0, 0.35, 1.05, -12.0, 0.0, 0.0, 1.0);
+        let truth: Vec<_> = grids().0.iter().map(|p| homography::apply(&m, *p)).collect();
+        let noisy = truth.iter().enumerate().map(|(i, p)| {
+            let noise = |k: usize| ((i * 7919 + k * 104_729) % 13) as f64 / 6.5 - 1.0;
+            Some([p[0] + noise(1), p[1] + noise(2)])
+        });
+        let (mut free, mut held): (Vec<_>, Vec<_>) = (noisy.clone().collect(), noisy.collect());
+        straighten(false, &mut free);
+        straighten(true, &mut held);
+        let error = |nodes: &[Option<[f64; 2]>]| {
+            let squared = |(n, t): (&Option<[f64; 2]>, &[f64; 2])| {
+                n.map_or(f64::MAX, |n| (n[0] - t[0]).powi(2) + (n[1] - t[1]).powi(2))
+            };
+            nodes.iter().zip(&truth).map(squared).sum::<f64>()
+        };
+        assert!(error(&held) < error(&free), "{} {}", error(&held), error(&free));
+        // One point of a row is enough, for a row at the edge as well.
+        let mut few: Vec<_> = truth.iter().map(|p| Some(*p)).collect();
+        few[1..SIZE.cols].fill(None);
+        let mut free = few.clone();
+        straighten(true, &mut few);
+        straighten(false, &mut free);
+        assert!(error(&few) < 1e-9, "{}", error(&few));
+        assert!(free[1].is_none());
     }
 
     #[test]

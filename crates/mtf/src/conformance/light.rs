@@ -70,19 +70,19 @@ fn laws(checks: &mut Checks, entry: &IlmEntry, pair: &PatchPair, seed: u64) {
         none == 0.0 && some > 0.0,
     );
     checks.succeeds("state", light.set_state(&a));
-    checks.succeeds("inverse step", light.step_inverse(&delta));
+    checks.succeeds("inverse step", light.step_inverse(&delta, &seen));
     let stepped = lit(&*light);
     checks.succeeds("state", light.set_state(&delta));
     let mut expected = vec![f32::NAN; n];
     light.unlight(&seen, &mut expected);
-    // Fields compose to first order, so that part of the change is left where the light differs from place to place.
+    // Not every composition is a state: part of the change may be left where the light differs from place to place.
     let [mut error, mut change] = [(); 2].map(|()| Worst::default());
     error.add_all(&stepped, &expected);
     change.add_all(&stepped, &seen);
     checks.at_most(
         format!("inverse step, share of the change, {place}"),
         error.0 / change.0,
-        0.3,
+        0.15,
     );
     checks.succeeds("state", light.set_state(&a));
     let refused = light.set_state(&vec![f64::NAN; a.len()]).is_err();

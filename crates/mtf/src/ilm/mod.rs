@@ -49,8 +49,8 @@ pub const ILMS: &[IlmEntry] = &[
     IlmEntry::of::<Rbf>(),
 ];
 
-/// A photometric map with its state. State 0 is the identity. No method but `init` allocates; methods that change the
-/// state leave it as it was when they fail.
+/// A photometric map with its state. State 0 is the identity. No method but `init` allocates, and the first inverse step;
+/// methods that change the state leave it as it was when they fail.
 pub trait IlluminationModel: Send {
     /// Prepares for patches of a shape, state 0. With `relative` set, one gain and one bias of the whole patch are held
     /// fixed: for appearance models that cannot see them. Fails when the patch has too few points.
@@ -68,8 +68,9 @@ pub trait IlluminationModel: Send {
     /// Applies an increment to the current patch's side, `a <- a + Δ`.
     fn step(&mut self, delta: &[f64]) -> Result<(), TrackError>;
 
-    /// Applies the inverse of an increment of the template's side, `g(·; a) <- g⁻¹(g(·; a); Δ)`.
-    fn step_inverse(&mut self, delta: &[f64]) -> Result<(), TrackError>;
+    /// Applies the inverse of an increment of the template's side, `g(·; a) <- g⁻¹(g(·; a); Δ)`. Where that is no state, the
+    /// nearest one for a patch that the present state brings to `template`, of the shape given to [`init`](Self::init).
+    fn step_inverse(&mut self, delta: &[f64], template: &[f32]) -> Result<(), TrackError>;
 
     /// `out = g(raw; a)`.
     fn light(&self, raw: &[f32], out: &mut [f32]);

@@ -17,5 +17,6 @@ pub use pixel_view::{PixelError, PixelView, Samples};
 pub use pixels::Pixels;
 pub use planar::Image;
 pub use preprocess::{
-    Gaussian, Identity, PREPROCESSORS, PreProcessor, PreProcessorEntry, PreProcessorError, parse_preprocessor,
+    Anisotropic, Bilateral, Boxed, Chain, Equalised, Gaussian, Identity, Median, PREPROCESSORS, PreProcessor,
+    PreProcessorEntry, PreProcessorError, Sobel, parse_preprocessor,
 };

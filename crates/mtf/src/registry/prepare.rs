@@ -84,6 +84,7 @@ impl Registry {
                 let members: Vec<Member<'_>> = members
                     .map(|((member, make), adapt)| Member {
                         kind: member.kind(),
+                        models: member.models(),
                         infos: infos(member),
                         assignments: assignments(member),
                         make,

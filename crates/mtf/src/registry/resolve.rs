@@ -196,6 +196,15 @@ impl<'r> Resolved<'r> {
         }
     }
 
+    /// Its appearance model and its state space model, unless it is a composite without such.
+    pub fn models(&self) -> Option<[&'static str; 2]> {
+        match self {
+            Resolved::Single { parts, .. } => Some([parts.am.name, parts.ssm.name]),
+            Resolved::Composite { .. } => None,
+            Resolved::Short { models, .. } => Some([models.am.name, models.ssm.name]),
+        }
+    }
+
     /// The rows whose parameters are its own, its members' apart, and the values of these. Those of a short name are the
     /// composite's.
     pub fn own(&self) -> (Vec<Owner<'r>>, &Values) {

@@ -1,6 +1,6 @@
 //! Gaussian smoothing.
 
-use super::{PreProcessor, PreProcessorEntry};
+use super::{PreProcessor, PreProcessorEntry, value, with_scratch};
 use crate::image::Image;
 use crate::kernels::blur::{MAX_TAPS, scratch_len, separable_in_place};
 use std::sync::Arc;
@@ -20,19 +20,10 @@ pub(super) const ENTRY: PreProcessorEntry = PreProcessorEntry {
     make: |words| {
         let remedy = "use `gaussian:SIZE:SIGMA` with an odd size from 3 to 31 and a sigma above 0";
         let default = Gaussian::default();
-        let filter = match words {
-            [] => Some(default),
-            [size] => size
-                .parse()
-                .ok()
-                .and_then(|size| Gaussian::new(size, default.sigma)),
-            [size, sigma] => size
-                .parse()
-                .ok()
-                .zip(sigma.parse().ok())
-                .and_then(|(n, s)| Gaussian::new(n, s)),
-            _ => None,
-        };
+        let filter = value(words, 0, default.size)
+            .zip(value(words, 1, default.sigma))
+            .filter(|_| words.len() <= 2)
+            .and_then(|(size, sigma)| Gaussian::new(size, sigma));
         match filter {
             Some(filter) => Ok(Arc::new(filter)),
             None => Err(format!("size or sigma is out of range; {remedy}")),
@@ -47,14 +38,14 @@ impl Gaussian {
         fits.then_some(Gaussian { size, sigma })
     }
 
-    /// The normalised weights along one axis.
-    pub fn weights(&self) -> Vec<f64> {
+    /// Writes the normalised weights along one axis, as many as the size.
+    fn weights_into(&self, out: &mut [f32]) {
         let r = (self.size / 2) as f64;
-        let raw: Vec<f64> = (0..self.size)
-            .map(|k| libm::exp(-(k as f64 - r).powi(2) / (2.0 * self.sigma * self.sigma)))
-            .collect();
-        let sum: f64 = raw.iter().sum();
-        raw.iter().map(|w| w / sum).collect()
+        let raw = |k: usize| libm::exp(-(k as f64 - r).powi(2) / (2.0 * self.sigma * self.sigma));
+        let sum: f64 = (0..self.size).map(raw).sum();
+        for (k, w) in out.iter_mut().enumerate() {
+            *w = (raw(k) / sum) as f32;
+        }
     }
 }
 
@@ -68,11 +59,14 @@ impl Default for Gaussian {
 impl PreProcessor for Gaussian {
     fn apply(&self, mut image: Image) -> Image {
         let (width, height, stride) = (image.width(), image.height(), image.stride());
-        let weights: Vec<f32> = self.weights().iter().map(|&w| w as f32).collect();
-        let mut scratch = vec![0.0; scratch_len(width, weights.len())];
-        for c in 0..image.channels() {
-            separable_in_place(image.plane_mut(c), width, height, stride, &weights, &mut scratch);
-        }
+        let mut weights = [0.0; MAX_TAPS];
+        let weights = &mut weights[..self.size];
+        self.weights_into(weights);
+        with_scratch(scratch_len(width, self.size), |scratch| {
+            for c in 0..image.channels() {
+                separable_in_place(image.plane_mut(c), width, height, stride, weights, scratch);
+            }
+        });
         image
     }
     fn id(&self) -> String {
@@ -86,7 +80,8 @@ mod tests {
 
     #[test]
     fn default_weights() {
-        let w = Gaussian::default().weights();
+        let mut w = [0.0; 5];
+        Gaussian::default().weights_into(&mut w);
         for (a, b) in w.iter().zip([0.1782, 0.2105, 0.2225, 0.2105, 0.1782]) {
             assert!((a - b).abs() < 1e-4, "{a} {b}");
         }

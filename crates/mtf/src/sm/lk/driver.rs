@@ -20,7 +20,7 @@ use crate::sm::sampling::SamplingParams;
 use crate::sm::template::{KEEP_BASE, check_template};
 use crate::sm::workspace::{Buffers, Workspace};
 use crate::ssm::{self, Increment, StateSpaceModel, motion_squared};
-use crate::tracker::{NeedsTruth, Stop, TrackError, Tracker, Update};
+use crate::tracker::{Marks, NeedsTruth, Stop, TrackError, Tracker, Update};
 
 /// A Lucas-Kanade tracker: method `M` over appearance model `A` and warp `S`.
 pub struct Lk<M, A, S> {
@@ -481,6 +481,14 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
         ssm::place(&self.ssm, x)
     }
 
+    fn use_points(&mut self, marked: Option<Marks<'_>>) -> bool {
+        if self.am.masking().is_none() {
+            return false;
+        }
+        self.masking.hold(self.sampling.shape(), marked);
+        true
+    }
+
     fn needs_truth(&mut self) -> Option<&mut dyn NeedsTruth> {
         M::NEEDS_TRUTH.then_some(self as _)
     }
@@ -497,7 +505,7 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> Tracker for Lk<M, A, S
             let light = self.light.as_ref().map_or(0, Light::memory);
             (self.method.memory(), light)
         } else {
-            let light = self.light.as_ref().map_or(0, |l| 4 * (4 + l.dof()));
+            let light = self.light.as_ref().map_or(0, Light::bytes);
             let dof = match M::keeps_jacobian(self.hess()) {
                 true => needs.dof + self.light.as_ref().map_or(0, Light::dof),
                 false => 0,

@@ -57,6 +57,12 @@ impl Light {
         self.model.dof()
     }
 
+    /// Bytes that it will keep for each value of the patch.
+    pub fn bytes(&self) -> usize {
+        let inverse = if self.on_template { 4 + self.dof() } else { 0 };
+        4 * (4 + self.dof() + inverse)
+    }
+
     /// State 0, for a warp of `s` parameters.
     pub fn start(&mut self, shape: PatchShape, relative: bool, s: usize) -> Result<(), TrackError> {
         self.model.init(shape, relative)?;
@@ -85,7 +91,7 @@ impl Light {
     /// Applies an increment; returns what it changes in terms of squared corner motion, px².
     pub fn step(&mut self, delta: &[f64]) -> Result<f64, TrackError> {
         if self.on_template {
-            self.model.step_inverse(delta)?;
+            self.model.step_inverse(delta, &self.template)?;
         } else {
             self.model.step(delta)?;
         }

@@ -6,14 +6,16 @@
 //! | gradient | the image gradient is steeper than a threshold |
 //! | gftt | it is near a corner of the patch (Shi & Tomasi 1994), found once per frame |
 //!
+//! A composite may hold points back besides, by marks on a grid over the object: those of RKLT's leader that agree.
+//!
 //! When fewer than four points per parameter, or a tenth of all, remain, all are used. Of several channels, `pixel` asks all
 //! of them, `gradient` any; corners are those of the channels' summed structure tensors.
 
 use crate::am::{AppearanceModel, PatchShape};
 use crate::kernels;
-use crate::params::param_enum;
+use crate::params::{Resolution, param_enum};
 use crate::sm::workspace::Buffers;
-use crate::tracker::TrackError;
+use crate::tracker::{Marks, TrackError};
 
 param_enum! {
     /// Which points of the patch are used.
@@ -61,6 +63,9 @@ pub(super) struct Mask {
     limit: f32,
     /// 1 for each value in use.
     values: Vec<f32>,
+    /// 1 for each point that is not held back; empty when none is. Whether that is new.
+    free: Vec<f32>,
+    changed: bool,
     /// The patch to come is the first of its frame.
     new_frame: bool,
     corners: Corners,
@@ -76,7 +81,24 @@ impl Mask {
 
     /// Whether points are selected at all.
     pub fn selects(&self) -> bool {
-        self.params.spi != PointRule::None
+        self.params.spi != PointRule::None || self.changed || !self.free.is_empty()
+    }
+
+    /// Holds back the points of a patch whose nearest point of a grid over the object is not marked; none with `None`. Allocates
+    /// the first time.
+    pub fn hold(&mut self, shape: PatchShape, marked: Option<Marks<'_>>) {
+        self.changed = marked.is_some() || !self.free.is_empty();
+        self.free.clear();
+        let Some(Marks { size, marks }) = marked else {
+            return;
+        };
+        let Resolution { cols, rows } = shape.res;
+        for y in 0..rows {
+            let row = &marks[y * size.rows / rows * size.cols..][..size.cols];
+            self.free
+                .extend((0..cols).map(|x| f32::from(row[x * size.cols / cols])));
+        }
+        self.values.resize(shape.len(), 1.0);
     }
 
     /// Whether the rule reads image gradients.
@@ -91,7 +113,7 @@ impl Mask {
         b: &Buffers,
         am: &mut A,
     ) -> Result<(), TrackError> {
-        if !self.selects() {
+        if self.params.spi == PointRule::None {
             return Ok(());
         }
         if am.masking().is_none() {
@@ -138,13 +160,25 @@ impl Mask {
 
     /// Selects points for the patch in `b` and tells the model; `dof` is the number of parameters of the search.
     pub fn apply<A: AppearanceModel>(&mut self, shape: PatchShape, b: &Buffers, dof: usize, am: &mut A) {
-        if !self.selects() || (self.params.spi == PointRule::Gftt && !std::mem::take(&mut self.new_frame)) {
-            return;
+        let (changed, new_frame) = (
+            std::mem::take(&mut self.changed),
+            std::mem::take(&mut self.new_frame),
+        );
+        match self.params.spi {
+            PointRule::None if !changed => return,
+            PointRule::None if self.free.is_empty() => {
+                if let Some(model) = am.masking() {
+                    model.set_mask(&[]);
+                }
+                return;
+            }
+            PointRule::Gftt if !(new_frame || changed) => return,
+            _ => {}
         }
         let points = shape.res.len();
         let (first, rest) = self.values.split_at_mut(points);
         match self.params.spi {
-            PointRule::None => {}
+            PointRule::None => first.fill(1.0),
             PointRule::Pixel => {
                 if let Some(distances) = am.distances() {
                     distances.feature_into(&b.values, &mut self.current);
@@ -170,6 +204,9 @@ impl Mask {
         for (v, t) in first.iter_mut().zip(&self.of_template) {
             *v = v.max(*t);
         }
+        for (v, free) in first.iter_mut().zip(&self.free) {
+            *v *= free;
+        }
         let kept = kernels::sum(first);
         let enough = kept >= (4 * dof) as f64 && kept >= 0.1 * points as f64;
         rest.chunks_exact_mut(points)
@@ -181,7 +218,13 @@ impl Mask {
 
     /// Bytes kept between frames.
     pub fn memory(&self) -> usize {
-        let lists = [&self.of_template, &self.template, &self.current, &self.values];
+        let lists = [
+            &self.of_template,
+            &self.template,
+            &self.current,
+            &self.values,
+            &self.free,
+        ];
         4 * lists.iter().map(|l| l.len()).sum::<usize>() + self.corners.memory()
     }
 }
