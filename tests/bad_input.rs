@@ -287,7 +287,7 @@ fn bad_rows() {
         let loaded = dataset::load(&sequence.path(), &skip()).unwrap();
         let truth: Vec<bool> = (0..3).map(|i| loaded.sequences[0].truth(i).is_some()).collect();
         assert_eq!(truth, [true, false, true]);
-        assert_eq!(loaded.skipped.len(), 1);
+        assert_eq!(loaded.sequences[0].notes().len(), 1);
         let sequence = Sequence::new().truth(&[row, "", ""]);
         assert!(dataset::load(&sequence.path(), &skip()).is_err());
     }
@@ -379,9 +379,20 @@ fn check_lists_all_faults_and_skip_keeps_the_good_sequences() {
     assert!(dataset::load(root.path(), &LoadOptions::default()).is_err());
     let loaded = dataset::load(root.path(), &skip()).unwrap();
     let names: Vec<&str> = loaded.sequences.iter().map(|s| s.name()).collect();
-    assert_eq!((names, loaded.skipped.len()), (vec!["gap", "good"], 3));
+    assert_eq!(names, ["good"]);
+    let left_out: Vec<(&str, String)> = loaded
+        .left_out
+        .iter()
+        .map(|l| (l.sequence.as_str(), l.reasons.last().unwrap().to_string()))
+        .collect();
+    assert_eq!((left_out[0].0, left_out[1].0), ("bare", "gap"));
+    assert!(
+        left_out[1]
+            .1
+            .contains("gap/frame00003.png: the image file is empty")
+    );
     assert_eq!(
-        loaded.sequences[1].truth(0),
+        loaded.sequences[0].truth(0),
         Some(Corners::rect(10.0, 10.0, 20.0, 15.0))
     );
 }

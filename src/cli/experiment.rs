@@ -5,7 +5,7 @@ use super::console::Console;
 use super::exit::{self, Failure};
 use super::program::Program;
 use super::values::{at_least_one, at_least_two, positive};
-use crate::dataset::{self, Label, LoadOptions, Sequence};
+use crate::dataset::{self, Dataset, Fault, Label, LoadOptions, Sequence, Severity};
 use crate::plan::{
     ExperimentFile, ExperimentFileError, FrameLogs, Protocols, RunRequest, RunRequestBuilder, TrackerEntry,
     sequence_id, usual_filter,
@@ -324,9 +324,7 @@ pub fn sequences(
     let builtin = [PathBuf::from(dataset::BUILTIN)];
     for path in if data.is_empty() { &builtin } else { data } {
         let set = dataset::load_where(path, &options, &wanted).map_err(Failure::usage)?;
-        for fault in &set.skipped {
-            program.console.warn(&fault.to_string());
-        }
+        warn_of(&set, &program.console);
         all += set.sequences.len() + set.unwanted;
         chosen.extend(set.sequences);
     }
@@ -337,6 +335,34 @@ pub fn sequences(
         ));
     }
     Ok(chosen)
+}
+
+/// Tells which sequences are left out, and what is to know about the others: a line each.
+pub fn warn_of(set: &Dataset, console: &Console) {
+    let tell = |faults: &[Fault], after: &str| {
+        let Some(first) = faults.first() else { return };
+        let more = match faults.len() {
+            1 => String::new(),
+            n => format!(" (and {} more, see `data check`)", n - 1),
+        };
+        // The console says that it warns.
+        let severity = Severity::Error;
+        let first = Fault {
+            severity,
+            ..first.clone()
+        };
+        console.warn(&format!("{first}{more}{after}"));
+    };
+    for left_out in &set.left_out {
+        let after = format!(": {}/{} is left out", left_out.dataset, left_out.sequence);
+        tell(&left_out.reasons, &after);
+    }
+    set.notes
+        .iter()
+        .for_each(|note| tell(std::slice::from_ref(note), ""));
+    set.sequences
+        .iter()
+        .for_each(|sequence| tell(sequence.notes(), ""));
 }
 
 /// Replaces ground truth by what the state space model `name` can follow of it.

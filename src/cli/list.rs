@@ -2,6 +2,7 @@
 
 use super::console::print;
 use super::exit::{Failure, Outcome};
+use super::experiment::warn_of;
 use super::program::Program;
 use crate::catalogue::Catalogue;
 use crate::dataset::{self, LoadOptions, OnBadData};
@@ -244,9 +245,7 @@ fn listing(what: ListWhat, program: &Program, data: &[PathBuf]) -> Result<Listin
             let mut rows = Vec::new();
             for path in if data.is_empty() { &builtin } else { data } {
                 let set = dataset::load(path, &options).map_err(Failure::usage)?;
-                for fault in &set.skipped {
-                    program.console.warn(&fault.to_string());
-                }
+                warn_of(&set, &program.console);
                 for s in set.sequences {
                     rows.push(vec![
                         format!("{}/{}", s.dataset(), s.name()),

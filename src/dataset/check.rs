@@ -39,6 +39,11 @@ impl Fault {
             severity,
         }
     }
+
+    /// What is to know about data that can be used as it stands.
+    pub(super) fn warning(error: &DatasetError) -> Self {
+        Fault::new(error, Severity::Warning)
+    }
 }
 
 impl From<&DatasetError> for Fault {
@@ -128,6 +133,6 @@ fn check_sequence(unread: Unread) -> Vec<Fault> {
             Ok(size) => errors.extend(first.and_then(|first| check_size(file, size, first).err())),
         }
     }
-    let warnings = draft.warnings.iter().map(|e| Fault::new(e, Severity::Warning));
+    let warnings = draft.warnings.iter().map(Fault::warning);
     errors.iter().map(Fault::from).chain(warnings).collect()
 }

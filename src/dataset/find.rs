@@ -29,6 +29,8 @@ pub(super) struct DeadLink {
     pub dataset: String,
     /// Name that the sequence has or would have.
     pub name: String,
+    /// It lies in a sequence that was found.
+    pub in_sequence: bool,
     /// What is to say about it.
     pub fault: DatasetError,
 }
@@ -126,6 +128,7 @@ impl Walk<'_> {
             Some(DeadLink {
                 dataset: dataset.to_owned(),
                 name: name.unwrap_or(link.name()).to_owned(),
+                in_sequence: name.is_some(),
                 fault: link.fault()?,
             })
         });

@@ -5,7 +5,7 @@ use super::decode::dimensions;
 use super::find::Unread;
 use super::format::TruthFile;
 use super::sequence::{Sequence, Whole};
-use super::{DatasetError, DatasetErrorKind, Label, dense, tags};
+use super::{DatasetError, DatasetErrorKind, Fault, Label, LoadOptions, dense, tags};
 use sha2::{Digest, Sha256};
 
 /// A sequence whose annotations are read; no image has been decoded.
@@ -93,9 +93,18 @@ impl Draft {
         dimensions(&file.read()?).map_err(|e| DatasetError::new(file.path(), e.into()))
     }
 
-    /// The sequence, with what is valid of its ground truth.
-    pub fn into_sequence(self, (width, height): (usize, usize)) -> Sequence {
+    /// Why the selection leaves no frame.
+    pub fn selection_fault(&self, options: &LoadOptions) -> Option<DatasetError> {
+        let (start, frames) = (options.start, self.unread.parts.frames.len());
+        let nothing = start >= frames || options.max_frames == Some(0);
+        let kind = DatasetErrorKind::NothingSelected { start, frames };
+        nothing.then(|| DatasetError::new(self.unread.folder.path(), kind))
+    }
+
+    /// The sequence, with what is valid of its ground truth; it notes the warnings and what is `left_out` of it.
+    pub fn into_sequence(self, (width, height): (usize, usize), left_out: &[DatasetError]) -> Sequence {
         let parts = self.unread.parts;
+        let warnings = self.warnings.iter().map(Fault::warning);
         let contents = vec![Default::default(); parts.frames.len()];
         Sequence::new(Whole {
             dataset: self.unread.dataset,
@@ -109,6 +118,7 @@ impl Draft {
             width,
             height,
             contents,
+            notes: left_out.iter().map(Fault::from).chain(warnings).collect(),
             decoded: Default::default(),
         })
     }
