@@ -1,7 +1,7 @@
 //! Every kind of bad data gives exactly one clear error: where it is, what is wrong, what to do.
 
 use mtf::geom::Corners;
-use mtf_eval::dataset::{self, Dataset, DatasetError, Formats, LoadOptions, OnBadData, Severity};
+use mtf_eval::dataset::{self, Dataset, DatasetError, LoadOptions, OnBadData, Severity};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -89,7 +89,7 @@ impl Sequence {
 
     /// The message of the one fault that `check` finds, without the path of the sequence.
     fn only_fault(&self) -> String {
-        let faults = dataset::check(&self.path(), &Formats::builtin()).faults;
+        let faults = dataset::check(&self.path(), &LoadOptions::default()).faults;
         assert_eq!(faults.len(), 1, "{faults:#?}");
         assert_eq!(faults[0].severity, Severity::Error);
         faults[0]
@@ -144,7 +144,7 @@ fn refused_path(path: &Path, message: &str) {
             .to_string(),
         message,
     );
-    let faults = dataset::check(path, &Formats::builtin()).faults;
+    let faults = dataset::check(path, &LoadOptions::default()).faults;
     assert_eq!(faults.len(), 1);
     assert_clear(&faults[0].to_string(), message);
     assert_clear(&dataset::load(path, &skip()).unwrap_err().to_string(), message);
@@ -152,7 +152,10 @@ fn refused_path(path: &Path, message: &str) {
 
 fn good_data_has_no_fault() {
     let sequence = Sequence::new();
-    assert_eq!(dataset::check(&sequence.path(), &Formats::builtin()).faults, []);
+    assert_eq!(
+        dataset::check(&sequence.path(), &LoadOptions::default()).faults,
+        []
+    );
     assert_eq!(sequence.load().unwrap().sequences[0].len(), 3);
 }
 
@@ -311,7 +314,10 @@ fn initial_corners_outside_the_image() {
         .refused("groundtruth.txt:2: a corner of the initial quadrilateral lies outside the 48x32 image");
     // Later frames may leave the image.
     let sequence = Sequence::new().truth(&["", "40 10 60 10 60 25 40 25", ""]);
-    assert_eq!(dataset::check(&sequence.path(), &Formats::builtin()).faults, []);
+    assert_eq!(
+        dataset::check(&sequence.path(), &LoadOptions::default()).faults,
+        []
+    );
 }
 
 fn first_frame_without_annotation() {
@@ -362,7 +368,7 @@ fn check_lists_all_faults_and_skip_keeps_the_good_sequences() {
             .without("groundtruth.txt")
             .frame("meta.json", b"{"),
     );
-    let checked = dataset::check(root.path(), &Formats::builtin());
+    let checked = dataset::check(root.path(), &LoadOptions::default());
     assert_eq!((checked.sequences, checked.frames), (3, 9));
     let faults: Vec<String> = checked.faults.iter().map(|f| f.to_string()).collect();
     let expected = [

@@ -2,6 +2,7 @@
 //!
 //! Depends on `geom` and the errors.
 
+use super::reading::{BoxForm, Origin, Reading};
 use super::{DatasetError, DatasetErrorKind};
 use mtf::geom::Corners;
 use std::path::{Path, PathBuf};
@@ -93,6 +94,12 @@ pub struct Annotations {
     pub(super) frames: Vec<Annotation>,
     pub(super) tags: Vec<String>,
     pub(super) faults: Vec<DatasetError>,
+    /// How the truth is to be read, as far as that is asked for.
+    pub(super) asked: Reading,
+    /// Where its first pixel is.
+    pub(super) origin: Origin,
+    /// What its boxes are, when it has any.
+    pub(super) boxes: Option<BoxForm>,
 }
 
 impl Annotations {
@@ -102,6 +109,16 @@ impl Annotations {
             frames: vec![Annotation::default(); frames],
             ..Annotations::default()
         }
+    }
+
+    /// How the truth is to be read, as far as that is asked for in place of what the format usually has.
+    pub fn asked(&self) -> Reading {
+        self.asked
+    }
+
+    /// Notes the coordinate that the truth gives to the centre of its first pixel. Corners are without it.
+    pub fn set_origin(&mut self, origin: Origin) {
+        self.origin = origin;
     }
 
     /// What is known of each frame.

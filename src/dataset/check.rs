@@ -1,11 +1,12 @@
 //! Finds every fault of a dataset.
 
 use super::find::{Unread, find};
-use super::format::Formats;
 use super::open::Draft;
 use super::sequence::{check_size, read_frame};
-use super::{DatasetError, resolve};
+use super::suspect::flat;
+use super::{DatasetError, LoadOptions, resolve};
 use rayon::prelude::*;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// How bad a fault is.
@@ -44,7 +45,38 @@ impl Fault {
     pub(super) fn warning(error: &DatasetError) -> Self {
         Fault::new(error, Severity::Warning)
     }
+
+    /// `errors` in their order. Of more than [`ALIKE`] of one kind in one file, the first, which says how many there are.
+    pub(super) fn all(errors: &[DatasetError], severity: Severity) -> Vec<Fault> {
+        let key = |e: &DatasetError| (e.path.clone(), std::mem::discriminant(&e.kind));
+        let mut alike: HashMap<_, (usize, Option<usize>)> = HashMap::new();
+        for error in errors {
+            let (count, last) = alike.entry(key(error)).or_default();
+            *count += 1;
+            *last = error.line;
+        }
+        let mut faults = Vec::new();
+        for error in errors {
+            // Whose count is taken has been told.
+            let entry = alike.entry(key(error)).or_default();
+            match *entry {
+                (0, _) => {}
+                (count, last) if count > ALIKE => {
+                    let mut fault = Fault::new(error, severity);
+                    let until = last.map_or(String::new(), |line| format!(", the last in line {line}"));
+                    fault.message += &format!(" ({} more of this kind{until})", count - 1);
+                    faults.push(fault);
+                    *entry = (0, None);
+                }
+                _ => faults.push(Fault::new(error, severity)),
+            }
+        }
+        faults
+    }
 }
+
+/// So many faults of one kind in one file are told one by one.
+const ALIKE: usize = 3;
 
 impl From<&DatasetError> for Fault {
     fn from(error: &DatasetError) -> Self {
@@ -78,10 +110,10 @@ pub struct Checked {
     pub faults: Vec<Fault>,
 }
 
-/// Every fault of the dataset at `path` (a folder, or `builtin`) in one of `formats`. Decodes every frame, on all
-/// threads.
-pub fn check(path: &Path, formats: &Formats) -> Checked {
-    let found = match resolve(path).and_then(|root| find(&root, formats)) {
+/// Every fault of the dataset at `path` (a folder, or `builtin`), read as `options` say; all frames count. Decodes every
+/// frame, on all threads.
+pub fn check(path: &Path, options: &LoadOptions) -> Checked {
+    let found = match resolve(path).and_then(|root| find(&root, &options.formats)) {
         Ok(found) => found,
         Err(e) => {
             return Checked {
@@ -97,13 +129,13 @@ pub fn check(path: &Path, formats: &Formats) -> Checked {
     };
     for unread in found.sequences {
         checked.frames += unread.parts.frames.len();
-        checked.faults.extend(check_sequence(unread));
+        checked.faults.extend(check_sequence(unread, options));
     }
     checked
 }
 
-fn check_sequence(unread: Unread) -> Vec<Fault> {
-    let mut draft = Draft::new(unread);
+fn check_sequence(unread: Unread, options: &LoadOptions) -> Vec<Fault> {
+    let mut draft = Draft::new(unread, options.reading);
     let mut errors = std::mem::take(&mut draft.fatal);
     let annotations = &mut draft.annotations;
     let truth_faults = std::mem::take(&mut annotations.faults);
@@ -125,14 +157,36 @@ fn check_sequence(unread: Unread) -> Vec<Fault> {
     });
     errors.extend(truth_faults);
     if let (Some(size), true, false) = (first, truth_is_usable, start_reported) {
-        errors.extend(draft.start_fault(0, size));
+        let fault = draft.start_fault(0, size);
+        let outside = draft.start_outside(0, size).filter(|_| fault.is_none());
+        match options.strict {
+            true => errors.extend(fault.into_iter().chain(outside)),
+            false => {
+                errors.extend(fault);
+                draft.warnings.extend(outside);
+            }
+        }
     }
+    if let (Some(size), true) = (first, truth_is_usable) {
+        draft.warnings.extend(draft.suspects(size));
+        draft.warnings.extend(flat_start(&draft));
+    }
+    let frames = &draft.unread.parts.frames;
     for (file, size) in frames.iter().zip(sizes) {
         match size {
             Err(e) => errors.push(e),
             Ok(size) => errors.extend(first.and_then(|first| check_size(file, size, first).err())),
         }
     }
-    let warnings = draft.warnings.iter().map(Fault::warning);
-    errors.iter().map(Fault::from).chain(warnings).collect()
+    let mut faults = Fault::all(&errors, Severity::Error);
+    faults.extend(Fault::all(&draft.warnings, Severity::Warning));
+    faults
+}
+
+/// That the first frame shows nothing to track at its corners.
+fn flat_start(draft: &Draft) -> Option<DatasetError> {
+    let annotation = draft.annotations.frames.first()?;
+    let (corners, at) = (annotation.corners()?, annotation.location.as_ref()?);
+    let image = read_frame(draft.unread.parts.frames.first()?, false).ok()?;
+    Some(at.fault(flat(&image, &corners)?))
 }

@@ -94,7 +94,7 @@ pub enum DatasetErrorKind {
     /// Ground truth without frames.
     #[error("no frames ({} files) for the ground truth; add them", image_formats())]
     NoFrames,
-    /// The ground truth is not UTF-8 text.
+    /// The ground truth is no text.
     #[error("not a text file; ground truth is a line of numbers per frame")]
     NotText,
     /// The ground truth has no rows.
@@ -117,28 +117,32 @@ pub enum DatasetErrorKind {
         expected: usize,
     },
     /// A word where a number should be.
-    #[error("`{word}` is not a number; correct the row")]
+    #[error(
+        "`{word}` is not a number; correct the row, or write `nan` for all of its numbers (the object is absent)"
+    )]
     NotANumber {
         /// The word.
         word: String,
     },
     /// A coordinate is NaN or infinite.
     #[error(
-        "a coordinate is not finite; correct the row, or write a word such as `unannotated` after the frame name"
+        "a coordinate is not finite; correct the row, or write `nan` for all of its numbers (the object is absent)"
     )]
     NotFinite,
     /// A coordinate is farther away than any image is large.
     #[error("a coordinate is beyond {MAX_COORDINATE} px; correct the row")]
     TooFar,
     /// All corners lie on one line or point.
-    #[error("the quadrilateral has zero area; correct the row")]
+    #[error(
+        "the quadrilateral has zero area; correct the row, or write 0 for all of its numbers (the object is absent)"
+    )]
     ZeroArea,
     /// The corners do not make a convex quadrilateral.
     #[error("the quadrilateral is not convex; give the corners in the order UL UR LR LL")]
     NotConvex,
     /// A corner of the first frame lies outside the image.
     #[error(
-        "a corner of the initial quadrilateral lies outside the {width}x{height} image; correct the row or start at another frame"
+        "a corner of the initial quadrilateral lies outside the {width}x{height} image; the part inside is tracked without `--strict`"
     )]
     InitialOutside {
         /// Width of the image in pixels.
@@ -146,8 +150,20 @@ pub enum DatasetErrorKind {
         /// Height of the image in pixels.
         height: usize,
     },
+    /// All of the first frame's quadrilateral lies outside the image.
+    #[error(
+        "the initial quadrilateral lies outside the {width}x{height} image; correct the row, or remove the frames before the object shows"
+    )]
+    InitialAway {
+        /// Width of the image in pixels.
+        width: usize,
+        /// Height of the image in pixels.
+        height: usize,
+    },
     /// The frame where tracking starts has no corners.
-    #[error("the first frame `{frame}` is not annotated; annotate it or start at another frame")]
+    #[error(
+        "the first frame `{frame}` is not annotated; annotate it, or remove the frames before the first with corners"
+    )]
     NoInitialTruth {
         /// Name of the frame.
         frame: String,
@@ -212,10 +228,20 @@ pub enum DatasetErrorKind {
         first_height: usize,
     },
     /// `meta.json` cannot be understood.
-    #[error("bad metadata ({detail}); expected {{\"tags\": [\"word\", ...]}}")]
+    #[error(
+        "bad metadata ({detail}); expected {{\"tags\": [\"word\", ...], \"origin\": 0, 0.5, 1 or 1.5, \"box\": \"xywh\", \"xyxy\" or \"cxcywh\"}}"
+    )]
     BadMeta {
         /// What the parser met.
         detail: String,
+    },
+    /// Something that is well formed and yet looks wrong.
+    #[error("{fault}; {remedy}")]
+    Doubtful {
+        /// What looks wrong, and in which frame.
+        fault: String,
+        /// What to do about it.
+        remedy: String,
     },
     /// Something else that breaks the rules of the format.
     #[error("{fault}; {remedy}")]

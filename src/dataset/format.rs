@@ -14,6 +14,7 @@ mod vot;
 use super::annotation::{Annotations, Location};
 use super::decode::is_image_name;
 use super::storage::{File, Folder, Listing};
+use super::text;
 use super::{DatasetError, DatasetErrorKind};
 use std::borrow::Cow;
 use std::path::Path;
@@ -55,6 +56,12 @@ pub trait Format: Send + Sync {
         truth: &[TruthFile],
         annotations: &mut Annotations,
     ) -> Result<(), DatasetError>;
+
+    /// What is not certain about how `sequence`, which lies in `place`, was read.
+    fn doubt(&self, place: &Place, sequence: &Found, annotations: &Annotations) -> Option<DatasetError> {
+        let _ = (place, sequence, annotations);
+        None
+    }
 }
 
 /// A sequence that a format has found: where its parts lie.
@@ -267,13 +274,12 @@ impl TruthFile {
         &self.bytes
     }
 
-    /// Its content as text, without a byte order mark.
+    /// Its content as text: UTF-8, UTF-16 or Latin-1, without byte order mark, blanks at its end and Ctrl-Z.
     ///
     /// # Errors
-    /// It is not UTF-8.
-    pub fn text(&self) -> Result<&str, DatasetError> {
-        let text = std::str::from_utf8(&self.bytes).map_err(|_| self.fault(DatasetErrorKind::NotText))?;
-        Ok(text.trim_start_matches('\u{feff}'))
+    /// It is no text.
+    pub fn text(&self) -> Result<Cow<'_, str>, DatasetError> {
+        text::decode(&self.bytes).ok_or_else(|| self.fault(DatasetErrorKind::NotText))
     }
 
     /// The whole of it, as the place of what it says.

@@ -4,6 +4,7 @@
 //! A new format is one file in `format/` and one line in [`Formats::builtin`]; programs add their own. Depends on `geom`
 //! and `image` of the tracking library.
 
+mod absence;
 mod annotation;
 mod check;
 mod decode;
@@ -13,10 +14,13 @@ mod find;
 mod format;
 mod open;
 mod order;
+mod reading;
 pub mod rows;
 mod sequence;
 mod storage;
+mod suspect;
 mod tags;
+mod text;
 
 #[cfg(test)]
 mod tests;
@@ -28,6 +32,7 @@ pub use dense::DENSE_FILE;
 pub use error::{DatasetError, DatasetErrorKind};
 pub use format::{Description, Format, Formats, Found, Place, TruthFile};
 pub use order::natural;
+pub use reading::{BoxForm, Origin, Reading};
 pub use sequence::Sequence;
 pub use storage::{File, Folder};
 
@@ -98,6 +103,10 @@ pub struct LoadOptions {
     pub formats: Formats,
     /// What to do about faulty data.
     pub on_bad_data: OnBadData,
+    /// How ground truth is read, in place of what its format usually has.
+    pub reading: Reading,
+    /// Refuse a start that lies partly outside the image.
+    pub strict: bool,
     /// First frame, from 0.
     pub start: usize,
     /// Keep every `frame_gap`-th frame from `start` on, with its truth.
@@ -112,6 +121,8 @@ impl Default for LoadOptions {
         LoadOptions {
             formats: Formats::builtin(),
             on_bad_data: OnBadData::Fail,
+            reading: Reading::default(),
+            strict: false,
             start: 0,
             frame_gap: 1,
             max_frames: None,
@@ -169,7 +180,7 @@ pub fn load_where(
     }
     let mut last = None;
     for unread in found.sequences {
-        let draft = Draft::new(unread);
+        let draft = Draft::new(unread, options.reading);
         if !wanted(&draft.label()) {
             dataset.unwanted += 1;
             continue;
@@ -182,7 +193,7 @@ pub fn load_where(
                 dataset.left_out.push(LeftOut {
                     dataset: of,
                     sequence,
-                    reasons: faults.iter().map(Fault::from).collect(),
+                    reasons: Fault::all(&faults, Severity::Error),
                 });
                 last = faults.pop();
             }
@@ -222,6 +233,12 @@ fn open(mut draft: Draft, options: &LoadOptions) -> Result<Sequence, Vec<Dataset
     if !(skip || faults.is_empty()) {
         return Err(faults);
     }
+    let outside = draft.start_outside(options.start, size);
+    match outside {
+        Some(fault) if options.strict => return fail(faults, fault),
+        outside => draft.warnings.extend(outside),
+    }
+    draft.warnings.extend(draft.suspects(size));
     let selected = draft
         .into_sequence(size, &faults)
         .from_frame(options.start)

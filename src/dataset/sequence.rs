@@ -1,8 +1,9 @@
 //! One sequence: frames, ground truth, tags; decoded frame by frame on demand.
 
-use super::annotation::Annotation;
+use super::annotation::{Annotation, Region};
 use super::decode::decode;
 use super::dense::DENSE_FILE;
+use super::reading::{BoxForm, Origin};
 use super::storage::{File, Folder};
 use super::{DatasetError, DatasetErrorKind, Fault};
 use mtf::geom::Corners;
@@ -55,6 +56,8 @@ pub(super) struct Whole {
     pub annotations: Vec<Annotation>,
     pub truth_digest: [u8; 32],
     pub tags: Vec<String>,
+    pub origin: Origin,
+    pub boxes: Option<BoxForm>,
     pub width: usize,
     pub height: usize,
     /// Checksum of each frame's file, taken once.
@@ -185,6 +188,19 @@ impl Sequence {
     /// it, such as faulty rows.
     pub fn notes(&self) -> &[Fault] {
         &self.whole.notes
+    }
+    /// The coordinate that its ground truth gives to the centre of the first pixel. [`truth`](Self::truth) is without it.
+    pub fn origin(&self) -> Origin {
+        self.whole.origin
+    }
+    /// How the boxes of its ground truth were read, when it has boxes.
+    pub fn boxes(&self) -> Option<BoxForm> {
+        self.whole.boxes
+    }
+    /// Number of frames where the object is said not to be seen.
+    pub fn absent(&self) -> usize {
+        let absent = |&i: &usize| self.annotation(i).region == Region::Absent;
+        (0..self.len).filter(absent).count()
     }
 
     /// Position of frame `i` in the whole sequence; panics when `i >= len()`.
