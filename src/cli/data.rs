@@ -3,6 +3,7 @@
 use super::args::TruthArgs;
 use super::console::print;
 use super::exit;
+use super::experiment::warn_of;
 use super::program::Program;
 use crate::dataset::{self, Dataset, LoadOptions, Severity};
 use crate::report::{Format, render, text::one_line};
@@ -115,6 +116,7 @@ fn info(
     let mut sets = Vec::new();
     for path in paths {
         let set = dataset::load(path, options)?;
+        warn_of(&set, &program.console);
         let rows = rows(&set, paranoid)?;
         sets.push((set.name, rows));
     }

@@ -60,6 +60,14 @@ pub fn experiment(
     let mut about = Map::new();
     about.insert("frame_gap".into(), args.selection.frame_gap.unwrap_or(1).into());
     about.insert("max_frames".into(), args.selection.max_frames.into());
+    for (word, number) in [
+        ("truth_start", args.selection.truth.truth_start),
+        ("truth_step", args.selection.truth.truth_step),
+    ] {
+        if let Some(number) = number {
+            about.insert(word.into(), number.into());
+        }
+    }
     about.insert("gt_ssm".into(), args.selection.gt_ssm.clone().into());
     about.insert("command".into(), command.into());
     let read_as = read_as(&sequences);
@@ -147,6 +155,11 @@ fn complete(args: &mut ExperimentArgs, file: &ExperimentFile) -> Result<(), Expe
     or(&mut selection.on_bad_data, file, "on_bad_data", |s| {
         OnBadData::from_str(s, true)
     })?;
+    let whole = |s: &str| s.parse().map_err(|_| "expected a whole number, 0 or more".into());
+    or(&mut selection.truth.truth_start, file, "truth_start", whole)?;
+    or(&mut selection.truth.truth_step, file, "truth_step", |s| {
+        at_least_one(s).map(|n| n as u64)
+    })?;
     or(&mut selection.truth.origin, file, "origin", str::parse)?;
     or(&mut selection.truth.boxes, file, "box", str::parse)?;
     let strict = file.value("strict", |s| {
@@ -156,9 +169,7 @@ fn complete(args: &mut ExperimentArgs, file: &ExperimentFile) -> Result<(), Expe
     or(&mut args.frame_logs.frame_logs, file, "frame_logs", |s| {
         FrameLogsArg::from_str(s, true)
     })?;
-    or(&mut args.seed, file, "seed", |s| {
-        s.parse().map_err(|_| "expected a whole number, 0 or more".into())
-    })?;
+    or(&mut args.seed, file, "seed", whole)?;
     or(&mut args.timeout, file, "timeout", positive)
 }
 

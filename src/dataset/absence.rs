@@ -79,7 +79,8 @@ fn meaning(name: &str, sequence: &str) -> Option<Meaning> {
 }
 
 /// Adds what those of `files` say that are about the frames of `sequence`. Where the object cannot be seen, the frame is
-/// *absent*, whatever the ground truth says. A file with another number of values than frames is a fault.
+/// *absent*, whatever the ground truth says. A file with another number of values than frames, and
+/// than rows of ground truth, is a fault.
 pub(super) fn read<'a>(
     files: impl IntoIterator<Item = &'a File>,
     sequence: &str,
@@ -119,7 +120,13 @@ fn parse(file: &TruthFile, meaning: Meaning, annotations: &mut Annotations) {
         }
     }
     let frames = annotations.frames.len();
-    if values.len() != frames {
+    // A value per frame, or per row of the ground truth.
+    let places: Vec<Option<usize>> = match values.len() {
+        n if n == frames => (0..frames).map(Some).collect(),
+        n if n == annotations.rows.len() => annotations.rows.clone(),
+        _ => vec![],
+    };
+    if places.is_empty() {
         // Words about frames change no result.
         if meaning != Meaning::Word {
             annotations.fault(file.fault(DatasetErrorKind::Format {
@@ -131,7 +138,8 @@ fn parse(file: &TruthFile, meaning: Meaning, annotations: &mut Annotations) {
         return;
     }
     let word = file.name().trim_end_matches(".tag").to_string();
-    for (i, &(value, line)) in values.iter().enumerate() {
+    for (place, &(value, line)) in places.into_iter().zip(&values) {
+        let Some(i) = place else { continue };
         match meaning {
             Meaning::Word if value != 0.0 => annotations.flag(i, &word),
             Meaning::Absent if value != 0.0 => hide(annotations, i, file.at_line(line)),

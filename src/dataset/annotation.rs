@@ -100,6 +100,10 @@ pub struct Annotations {
     pub(super) origin: Origin,
     /// What its boxes are, when it has any.
     pub(super) boxes: Option<BoxForm>,
+    /// What is to know about data that can be used as it stands.
+    pub(super) warnings: Vec<DatasetError>,
+    /// The frame of each row that names none, `None` where it is not there.
+    pub(super) rows: Vec<Option<usize>>,
 }
 
 impl Annotations {
@@ -167,6 +171,11 @@ impl Annotations {
         if !self.tags.iter().any(|tag| tag == word) {
             self.tags.push(word.into());
         }
+    }
+
+    /// Something to know about data that can be used as it stands.
+    pub fn warn(&mut self, warning: DatasetError) {
+        self.warnings.push(warning);
     }
 
     /// Something else that is wrong.

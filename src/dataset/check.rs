@@ -106,7 +106,7 @@ pub struct Checked {
     pub sequences: usize,
     /// Frames decoded.
     pub frames: usize,
-    /// Every fault: links that lead nowhere, then in order of sequences; within one: structure, ground truth, frames.
+    /// Every fault: links that lead nowhere, folders too deep, then in order of sequences; within one: structure, ground truth, frames.
     pub faults: Vec<Fault>,
 }
 
@@ -122,9 +122,10 @@ pub fn check(path: &Path, options: &LoadOptions) -> Checked {
             };
         }
     };
+    let dead = found.dead.iter().map(|link| Fault::from(&link.fault));
     let mut checked = Checked {
         sequences: found.sequences.len(),
-        faults: found.dead.iter().map(|link| Fault::from(&link.fault)).collect(),
+        faults: dead.chain(found.too_deep().iter().map(Fault::warning)).collect(),
         ..Checked::default()
     };
     for unread in found.sequences {
@@ -149,16 +150,16 @@ fn check_sequence(unread: Unread, options: &LoadOptions) -> Vec<Fault> {
     let first = sizes.iter().find_map(|size| size.as_ref().ok()).copied();
 
     // The start is only looked at when what is said of it had no fault of its own.
-    let start = annotations.frames.first().and_then(|a| a.location.as_ref());
-    let start_reported = start.is_some_and(|at| {
-        truth_faults
-            .iter()
-            .any(|f| f.path == at.path && f.line == at.line)
+    let start = draft.start(0, &truth_faults);
+    let at = draft.annotations.frames.get(start);
+    let start_reported = at.and_then(|a| a.location.as_ref()).is_some_and(|at| {
+        let here = |f: &DatasetError| f.path == at.path && f.line == at.line;
+        truth_faults.iter().any(here)
     });
     errors.extend(truth_faults);
     if let (Some(size), true, false) = (first, truth_is_usable, start_reported) {
-        let fault = draft.start_fault(0, size);
-        let outside = draft.start_outside(0, size).filter(|_| fault.is_none());
+        let fault = draft.start_fault(start, size);
+        let outside = draft.start_outside(start, size).filter(|_| fault.is_none());
         match options.strict {
             true => errors.extend(fault.into_iter().chain(outside)),
             false => {
@@ -166,10 +167,11 @@ fn check_sequence(unread: Unread, options: &LoadOptions) -> Vec<Fault> {
                 draft.warnings.extend(outside);
             }
         }
+        draft.late_start(0, start);
     }
     if let (Some(size), true) = (first, truth_is_usable) {
         draft.warnings.extend(draft.suspects(size));
-        draft.warnings.extend(flat_start(&draft));
+        draft.warnings.extend(flat_start(&draft, start));
     }
     let frames = &draft.unread.parts.frames;
     for (file, size) in frames.iter().zip(sizes) {
@@ -183,10 +185,10 @@ fn check_sequence(unread: Unread, options: &LoadOptions) -> Vec<Fault> {
     faults
 }
 
-/// That the first frame shows nothing to track at its corners.
-fn flat_start(draft: &Draft) -> Option<DatasetError> {
-    let annotation = draft.annotations.frames.first()?;
+/// That frame `start` shows nothing to track at its corners.
+fn flat_start(draft: &Draft, start: usize) -> Option<DatasetError> {
+    let annotation = draft.annotations.frames.get(start)?;
     let (corners, at) = (annotation.corners()?, annotation.location.as_ref()?);
-    let image = read_frame(draft.unread.parts.frames.first()?, false).ok()?;
+    let image = read_frame(draft.unread.parts.frames.get(start)?, false).ok()?;
     Some(at.fault(flat(&image, &corners)?))
 }

@@ -12,6 +12,8 @@ mod dense;
 mod error;
 mod find;
 mod format;
+mod matching;
+mod names;
 mod open;
 mod order;
 mod reading;
@@ -32,7 +34,7 @@ pub use dense::DENSE_FILE;
 pub use error::{DatasetError, DatasetErrorKind};
 pub use format::{Description, Format, Formats, Found, Place, TruthFile};
 pub use order::natural;
-pub use reading::{BoxForm, Origin, Reading};
+pub use reading::{BoxForm, Origin, Reading, TruthRows};
 pub use sequence::Sequence;
 pub use storage::{File, Folder};
 
@@ -107,7 +109,7 @@ pub struct LoadOptions {
     pub reading: Reading,
     /// Refuse a start that lies partly outside the image.
     pub strict: bool,
-    /// First frame, from 0.
+    /// First frame, from 0; where it and those after it have no ground truth, the first that has.
     pub start: usize,
     /// Keep every `frame_gap`-th frame from `start` on, with its truth.
     pub frame_gap: usize,
@@ -153,7 +155,7 @@ pub fn load_where(
         sequences: Vec::new(),
         unwanted: 0,
         left_out: Vec::new(),
-        notes: Vec::new(),
+        notes: found.too_deep().iter().map(Fault::warning).collect(),
     };
     for link in found.dead {
         let label = Label {
@@ -223,17 +225,19 @@ fn open(mut draft: Draft, options: &LoadOptions) -> Result<Sequence, Vec<Dataset
         Ok(size) => size,
         Err(fault) => return fail(faults, fault),
     };
-    if let Some(fault) = draft
-        .selection_fault(options)
-        .or_else(|| draft.start_fault(options.start, size))
-    {
+    if let Some(fault) = draft.selection_fault(options) {
         return fail(faults, fault);
     }
+    let start = draft.start(options.start, &faults);
+    if let Some(fault) = draft.start_fault(start, size) {
+        return fail(faults, fault);
+    }
+    draft.late_start(options.start, start);
     let skip = options.on_bad_data == OnBadData::Skip;
     if !(skip || faults.is_empty()) {
         return Err(faults);
     }
-    let outside = draft.start_outside(options.start, size);
+    let outside = draft.start_outside(start, size);
     match outside {
         Some(fault) if options.strict => return fail(faults, fault),
         outside => draft.warnings.extend(outside),
@@ -241,7 +245,7 @@ fn open(mut draft: Draft, options: &LoadOptions) -> Result<Sequence, Vec<Dataset
     draft.warnings.extend(draft.suspects(size));
     let selected = draft
         .into_sequence(size, &faults)
-        .from_frame(options.start)
+        .from_frame(start)
         .with_gap(options.frame_gap)
         .truncated(options.max_frames.unwrap_or(usize::MAX));
     match skip.then(|| selected.unreadable()).flatten() {

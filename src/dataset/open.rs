@@ -1,13 +1,16 @@
 //! From a found sequence to an opened one, collecting every fault on the way.
 
-use super::annotation::Annotations;
+use super::annotation::{Annotations, Location};
 use super::decode::dimensions;
 use super::find::Unread;
 use super::format::{Place, TruthFile};
 use super::reading::Reading;
 use super::sequence::{Sequence, Whole};
+use super::storage::File;
 use super::suspect::Truth;
-use super::{DatasetError, DatasetErrorKind, Fault, Label, LoadOptions, Severity, absence, dense, tags};
+use super::{
+    DatasetError, DatasetErrorKind, Fault, Label, LoadOptions, Severity, absence, dense, order, tags,
+};
 use mtf::geom::{Corners, polygon};
 use sha2::{Digest, Sha256};
 
@@ -68,8 +71,8 @@ impl Draft {
                     let mut hasher = Sha256::new();
                     truth.iter().for_each(|file| hasher.update(file.bytes()));
                     truth_digest = hasher.finalize().into();
-                    let read = format.read(parts, &truth, &mut annotations);
-                    annotations.faults.extend(read.err());
+                    fatal.extend(format.read(parts, &truth, &mut annotations).err());
+                    let before = annotations.faults.len();
                     match Place::new(folder) {
                         Ok(place) => {
                             absence::read(place.files(), &parts.name, &mut annotations);
@@ -77,12 +80,28 @@ impl Draft {
                         }
                         Err(e) => fatal.push(e),
                     }
-                    absence::read(&folder.file_beside("_flag.txt"), &parts.name, &mut annotations);
+                    // Beside the ground truth, where that is not in the folder.
+                    let flags = format!("{}_flag.txt", parts.name);
+                    let apart = parts
+                        .truth
+                        .first()
+                        .filter(|t| t.path().parent() != Some(folder.path()));
+                    let flags = apart.and_then(|truth| truth.beside(&flags));
+                    let flags = flags.or_else(|| folder.file_beside("_flag.txt"));
+                    absence::read(&flags, &parts.name, &mut annotations);
+                    // Without them frames would count in which the object cannot be seen.
+                    fatal.extend(annotations.faults.drain(before..));
                 }
             },
         }
         fatal.extend(dense::read(folder, &parts.frames, &mut annotations).err());
         warnings.extend(tags::read(folder, &mut annotations).err());
+        let names: Vec<&str> = parts.frames.iter().map(File::name).collect();
+        warnings.extend(order::doubtful(&names).map(|(first, second)| {
+            let (first, second) = (first.to_owned(), second.to_owned());
+            DatasetError::new(folder.path(), DatasetErrorKind::DecimalNames { first, second })
+        }));
+        warnings.append(&mut annotations.warnings);
         Draft {
             unread,
             annotations,
@@ -98,6 +117,32 @@ impl Draft {
             dataset: &self.unread.dataset,
             name: &self.unread.parts.name,
             tags: &self.annotations.tags,
+        }
+    }
+
+    /// Where tracking starts at the earliest: the first frame from `from` on with corners, unless a frame before it lacks
+    /// them for a fault.
+    pub fn start(&self, from: usize, faults: &[DatasetError]) -> usize {
+        let frames = &self.annotations.frames;
+        let is_faulty = |at: &Location| {
+            let here = |f: &DatasetError| f.line.is_some() && f.path == at.path && f.line == at.line;
+            faults.iter().any(here)
+        };
+        let is_start = |i: &usize| {
+            let annotation = &frames[*i];
+            annotation.corners().is_some() || annotation.location.as_ref().is_some_and(is_faulty)
+        };
+        (from..frames.len()).find(is_start).unwrap_or(from)
+    }
+
+    /// A warning that the frames from `from` to before `start` have no ground truth.
+    pub fn late_start(&mut self, from: usize, start: usize) {
+        if start > from {
+            let parts = &self.unread.parts;
+            let frame = parts.frames[start].name().to_owned();
+            let path = parts.truth.first().map_or(self.unread.folder.path(), File::path);
+            let kind = DatasetErrorKind::LateStart { frame };
+            self.warnings.push(DatasetError::new(path, kind));
         }
     }
 

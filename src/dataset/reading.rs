@@ -1,4 +1,5 @@
-//! How the numbers of ground truth become corners: where the first pixel is, and what the four numbers of a box are.
+//! How the numbers of ground truth become corners: where the first pixel is, what the four numbers of a box are, and which
+//! frames rows are for.
 //!
 //! Depends on `geom` alone.
 
@@ -116,6 +117,31 @@ impl FromStr for Origin {
     }
 }
 
+/// Which frames the rows of ground truth are for that name none, where it is not a row for each frame in order. Frames are
+/// meant by the numbers in their names or, where names have none, by their place from 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TruthRows {
+    /// Number of the frame that the first row is for; `None`: the first frame's.
+    pub start: Option<u64>,
+    /// From the frame of a row to that of the next; `None`: 1.
+    pub step: Option<u64>,
+}
+
+impl TruthRows {
+    /// What is said here, else there.
+    pub fn or(self, other: TruthRows) -> TruthRows {
+        TruthRows {
+            start: self.start.or(other.start),
+            step: self.step.or(other.step),
+        }
+    }
+
+    /// Whether anything is said.
+    pub(super) fn is_given(self) -> bool {
+        self != TruthRows::default()
+    }
+}
+
 /// What is asked for in place of what a format usually has.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
@@ -123,6 +149,8 @@ pub struct Reading {
     pub origin: Option<Origin>,
     /// What the numbers of boxes are.
     pub boxes: Option<BoxForm>,
+    /// Which frames rows are for that name none.
+    pub rows: TruthRows,
 }
 
 impl Reading {
@@ -131,6 +159,7 @@ impl Reading {
         Reading {
             origin: self.origin.or(other.origin),
             boxes: self.boxes.or(other.boxes),
+            rows: self.rows.or(other.rows),
         }
     }
 }

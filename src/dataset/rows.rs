@@ -1,12 +1,15 @@
 //! Ground truth in rows of numbers: a row per frame, in the order of frames or after the frame's name.
 //!
 //! What the numbers of a row mean is a [`RowKind`]; a format names those that its files may have. Numbers are separated by
-//! blanks, tabs, commas, semicolons, brackets or marks of quotation; empty lines and lines that begin with `#`, `%` or
-//! `//` are skipped, and so is a header. All numbers NaN, 0 or -1, or a word such as `absent`, say that the object cannot
+//! blanks, tabs, commas, semicolons, brackets or marks of quotation; lines that begin with `#`, `%` or `//` are
+//! skipped, and so is a header. A row of separators alone leaves its frame without annotation; so does a blank line, where
+//! frames and rows are as many only with it. All numbers NaN, 0 or -1, or a word such as `absent`, say that the object cannot
 //! be seen.
 
 use super::annotation::{Annotations, Region};
 use super::format::TruthFile;
+use super::matching::{self, Line};
+use super::names::FrameNames;
 use super::reading::{BoxForm, Origin};
 use super::storage::File;
 use super::text::{self, is_number};
@@ -115,16 +118,48 @@ fn is_one_of(word: &str, words: &[&str]) -> bool {
     words.iter().any(|w| w.eq_ignore_ascii_case(word))
 }
 
+/// A line that is no comment.
 struct Row<'a> {
     line: usize,
+    text: &'a str,
     words: Vec<&'a str>,
     /// The first number counts frames.
     indexed: bool,
+    /// The first word is the name of a frame that is there.
+    known: bool,
 }
 
-impl Row<'_> {
+impl<'a> Row<'a> {
+    fn new(text: &'a str, line: usize, names: &FrameNames<'_>) -> Self {
+        let mut row = Row {
+            line,
+            text,
+            words: text::row(text),
+            indexed: false,
+            known: false,
+        };
+        if row.words.first().is_some_and(|word| !is_number(word)) {
+            // A name may have blanks in it, and parts that look like numbers.
+            let is_name = |words: &usize| names.find(row.first(*words)).is_ok();
+            if let Some(count) = (1..=row.words.len()).rev().find(is_name) {
+                let name = row.first(count);
+                row.words.splice(..count, [name]);
+                row.known = true;
+            }
+        }
+        row
+    }
+
+    /// The text of the first `words` words.
+    fn first(&self, words: usize) -> &'a str {
+        let begin = self.text.as_ptr() as usize;
+        let word = |k: usize| (self.words[k].as_ptr() as usize - begin, self.words[k].len());
+        let (from, (to, length)) = (word(0).0, word(words - 1));
+        &self.text[from..to + length]
+    }
     fn is_comment(&self) -> bool {
-        self.words[0].starts_with(['#', '%']) || self.words[0].starts_with("//")
+        let text = self.text.trim_start();
+        text.starts_with(['#', '%']) || text.starts_with("//")
     }
     fn has_number(&self) -> bool {
         self.words.iter().any(|w| is_number(w))
@@ -136,6 +171,22 @@ impl Row<'_> {
     fn speaks(&self) -> bool {
         let known = |w: &&str| is_one_of(w, &ABSENT) || is_one_of(w, &UNANNOTATED);
         self.words.iter().all(known)
+    }
+    /// Separators stand where numbers should.
+    fn ends_empty(&self) -> bool {
+        self.text.trim_end().ends_with([',', ';'])
+    }
+}
+
+impl Line for &Row<'_> {
+    fn number(&self) -> usize {
+        self.line
+    }
+    fn is_empty(&self) -> bool {
+        self.words.is_empty()
+    }
+    fn is_blank(&self) -> bool {
+        self.text.trim().is_empty()
     }
 }
 
@@ -162,41 +213,53 @@ pub fn numbers(words: &[&str], expected: usize) -> Result<Vec<f64>, DatasetError
 
 /// Reads the rows of `file` as annotations of `frames`, each with its index: `enumerate()` of all frames, or `.step_by(2)`
 /// of that when every second frame has a row. Most rows tell which of `kinds` they are; of several that fit, the first is
-/// taken. Rows and frames that do not match are faults.
+/// taken. Faulty rows, and rows and frames that lack their counterpart, are faults.
 ///
 /// # Errors
-/// No text, no rows, or rows of no kind.
+/// No text, no rows, rows of no kind, or rows that cannot be matched with frames.
 pub fn read<'a>(
     file: &TruthFile,
     kinds: &[RowKind],
     frames: impl IntoIterator<Item = (usize, &'a File)>,
     annotations: &mut Annotations,
 ) -> Result<(), DatasetError> {
+    let (indices, frames): (Vec<usize>, Vec<&str>) = frames.into_iter().map(|(i, f)| (i, f.name())).unzip();
+    let names = FrameNames::new(frames.iter().copied());
     let text = file.text()?;
     let mut rows: Vec<Row<'_>> = text::lines(&text)
         .zip(1..)
-        .map(|(text, line)| Row {
-            line,
-            words: text::row(text),
-            indexed: false,
-        })
-        .filter(|row| !row.words.is_empty() && !row.is_comment())
+        .map(|(text, line)| Row::new(text, line, &names))
+        .filter(|row| !row.is_comment())
         .collect();
     find_index(&mut rows, kinds);
     let kind = choose(&rows, kinds).map_err(|(line, kind)| match line {
         Some(line) => file.at_line(line).fault(kind),
         None => file.fault(kind),
     })?;
-    if is_header(&rows[0], kind) {
-        rows.remove(0);
+    if let Some(first) = rows.iter().position(|row| !row.words.is_empty())
+        && is_header(&rows[first], kind)
+    {
+        rows.drain(..=first);
     }
     let kind = &as_asked(kind, annotations);
-    let frames: Vec<(usize, &str)> = frames.into_iter().map(|(i, f)| (i, f.name())).collect();
     if kind.named {
-        match_by_name(&rows, kind, file, &frames, annotations);
-    } else {
-        match_by_order(&rows, kind, file, &frames, annotations);
+        match_by_name(&rows, kind, file, &indices, &names, annotations);
+        return Ok(());
     }
+    let rows: Vec<&Row<'_>> = rows.iter().collect();
+    let placed = matching::in_order(&rows, file, &frames, annotations)?;
+    for (row, frame) in &placed {
+        let Some(frame) = frame else { continue };
+        let said = match row.words.is_empty() {
+            true => Ok(Region::Unknown),
+            false => region(&row.words, kind),
+        };
+        annotations.set(indices[*frame], file.at_line(row.line), said);
+    }
+    annotations.rows = placed
+        .iter()
+        .map(|(_, frame)| frame.map(|i| indices[i]))
+        .collect();
     Ok(())
 }
 
@@ -217,7 +280,8 @@ fn as_asked(kind: &RowKind, annotations: &mut Annotations) -> RowKind {
 fn find_index(rows: &mut [Row<'_>], kinds: &[RowKind]) {
     let is_named = |count: usize| kinds.iter().any(|k| k.named && k.numbers() + 1 == count);
     let is_plain = |count: usize| kinds.iter().any(|k| !k.named && k.numbers() == count);
-    let index = |row: &Row<'_>| row.words[0].parse::<u64>().ok();
+    let index = |row: &&mut Row<'_>| row.words[0].parse::<u64>().ok();
+    let mut rows: Vec<&mut Row<'_>> = rows.iter_mut().filter(|row| !row.words.is_empty()).collect();
     let header = usize::from(rows.first().is_some_and(|row| !row.has_number()));
     let Some(rows) = rows.get_mut(header..).filter(|rows| !rows.is_empty()) else {
         return;
@@ -236,7 +300,7 @@ fn find_index(rows: &mut [Row<'_>], kinds: &[RowKind]) {
 
 /// The first row is a header: it has no numbers, names no frame and is no word that stands in place of numbers.
 fn is_header(row: &Row<'_>, kind: &RowKind) -> bool {
-    let names_frame = row.words[0].contains(|c: char| c.is_ascii_digit());
+    let names_frame = row.known || row.words[0].contains(|c: char| c.is_ascii_digit());
     !(row.has_number() || row.speaks() || kind.named && names_frame)
 }
 
@@ -289,50 +353,35 @@ fn region(words: &[&str], kind: &RowKind) -> Result<Region, DatasetErrorKind> {
     Ok(Region::Corners(kind.corners(&numbers)))
 }
 
-fn match_by_order(
-    rows: &[Row<'_>],
-    kind: &RowKind,
-    file: &TruthFile,
-    frames: &[(usize, &str)],
-    annotations: &mut Annotations,
-) {
-    for (row, &(i, _)) in rows.iter().zip(frames) {
-        annotations.set(i, file.at_line(row.line), region(&row.words, kind));
-    }
-    let counts = (rows.len(), frames.len());
-    if let Some(row) = rows.get(frames.len()) {
-        annotations.fault(file.at_line(row.line).fault(DatasetErrorKind::MoreRows {
-            rows: counts.0,
-            frames: counts.1,
-        }));
-    } else if let (Some((_, frame)), Some(last)) = (frames.get(rows.len()), rows.last()) {
-        annotations.fault(file.at_line(last.line).fault(DatasetErrorKind::FewerRows {
-            rows: counts.0,
-            frames: counts.1,
-            frame: frame.to_string(),
-        }));
-    }
-}
-
 fn match_by_name(
     rows: &[Row<'_>],
     kind: &RowKind,
     file: &TruthFile,
-    frames: &[(usize, &str)],
+    indices: &[usize],
+    names: &FrameNames<'_>,
     annotations: &mut Annotations,
 ) {
-    let stem = |name: &str| name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_string();
-    let by_name: BTreeMap<&str, usize> = frames.iter().map(|&(i, name)| (name, i)).collect();
-    let by_stem: BTreeMap<String, usize> = frames.iter().map(|&(i, name)| (stem(name), i)).collect();
-    for row in rows {
+    let rows: Vec<&Row<'_>> = rows.iter().filter(|row| !row.words.is_empty()).collect();
+    let counts: Option<Vec<u64>> = rows
+        .iter()
+        .map(|row| row.words[0].parse().ok().filter(|_| row.indexed))
+        .collect();
+    let counted = counts.map(|counts| matching::by_count(&counts, names));
+    for (k, row) in rows.iter().enumerate() {
         let (name, words) = (row.words[0], &row.words[1..]);
         let location = file.at_line(row.line);
-        // The extension may differ: ground truth outlives a conversion of the frames.
-        let Some(&i) = by_name.get(name).or_else(|| by_stem.get(&stem(name))) else {
-            annotations.fault(location.fault(DatasetErrorKind::UnknownFrame {
+        let found = match &counted {
+            Some(frames) => frames[k].ok_or_else(|| DatasetErrorKind::UnknownFrame {
                 frame: name.to_string(),
-            }));
-            continue;
+            }),
+            None => names.find(name),
+        };
+        let i = match found {
+            Ok(frame) => indices[frame],
+            Err(kind) => {
+                annotations.fault(location.fault(kind));
+                continue;
+            }
         };
         if annotations.is_set(i) {
             annotations.fault(location.fault(DatasetErrorKind::DuplicateRow {
@@ -340,9 +389,13 @@ fn match_by_name(
             }));
             continue;
         }
-        annotations.set(i, location, region(words, kind));
+        let said = match words.is_empty() && row.ends_empty() {
+            true => Ok(Region::Unknown),
+            false => region(words, kind),
+        };
+        annotations.set(i, location, said);
     }
-    for &(i, frame) in frames {
+    for (&i, frame) in indices.iter().zip(names.names()) {
         if !annotations.is_set(i) {
             annotations.fault(file.fault(DatasetErrorKind::MissingRow {
                 frame: frame.to_string(),

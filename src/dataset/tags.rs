@@ -1,5 +1,5 @@
 //! What lies beside a sequence for all formats: words that say what is hard about it, in `tags.txt` and the list `tags` of
-//! `meta.json`, and how its truth is to be read, in `origin` and `box` of `meta.json`.
+//! `meta.json`, and how its truth is to be read, in `origin`, `box`, `truth_start` and `truth_step` of `meta.json`.
 
 use super::annotation::Annotations;
 use super::reading::{Origin, Reading};
@@ -16,7 +16,8 @@ fn bad(file: &File, detail: impl ToString) -> DatasetError {
     DatasetError::new(file.path(), DatasetErrorKind::BadMeta { detail })
 }
 
-/// How `meta.json` asks the truth to be read: a number `origin`, a word `box`. Other values of these names are somebody
+/// How `meta.json` asks the truth to be read: a number `origin`, a word `box`, whole numbers `truth_start` and
+/// `truth_step`. Other values of the first two are somebody
 /// else's, and a file that cannot be read is left to [`read`].
 ///
 /// # Errors
@@ -34,6 +35,17 @@ pub(super) fn reading(folder: &Folder) -> Result<Reading, DatasetError> {
     }
     if let Some(form) = meta.get("box").and_then(Value::as_str) {
         reading.boxes = Some(form.parse().map_err(|e: String| bad(&file, e))?);
+    }
+    for (word, number) in [
+        ("truth_start", &mut reading.rows.start),
+        ("truth_step", &mut reading.rows.step),
+    ] {
+        let Some(value) = meta.get(word) else { continue };
+        let least = u64::from(word == "truth_step");
+        *number = value.as_u64().filter(|n| *n >= least);
+        if number.is_none() {
+            return Err(bad(&file, format!("{word}: {value}")));
+        }
     }
     Ok(reading)
 }
