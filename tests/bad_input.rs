@@ -259,11 +259,12 @@ fn missing_and_surplus_rows() {
         .refused("groundtruth.txt:5: there is no frame `frame00004.png`");
     let row = format!("{QUAD}\n");
     Sequence::new().plain_truth(&row.repeat(2)).refused(
-        "groundtruth.txt:2: 2 rows of ground truth for 3 frames, `frame00003.png` and later have none",
+        "groundtruth.txt:2: 2 rows of ground truth for 3 frames; add the missing rows, or say in the command or in `meta.json` \
+         which frames they are for: --truth-start 1 if they are for the first frames, --truth-start 2 if for the last",
     );
-    Sequence::new().plain_truth(&row.repeat(5)).refused(
-        "groundtruth.txt:4: 5 rows of ground truth for 3 frames, from this row on there is no frame",
-    );
+    Sequence::new()
+        .plain_truth(&row.repeat(5))
+        .refused("groundtruth.txt:4: 5 rows of ground truth for 3 frames; add the missing frames");
 }
 
 fn bad_rows() {
@@ -321,18 +322,18 @@ fn initial_corners_outside_the_image() {
 }
 
 fn first_frame_without_annotation() {
-    Sequence::new()
-        .truth(&["tracker_failed", "", ""])
-        .refused("groundtruth.txt:2: the first frame `frame00001.png` is not annotated");
     let sequence = Sequence::new().truth(&["tracker_failed", "", ""]);
-    let later = LoadOptions {
-        start: 1,
-        ..LoadOptions::default()
-    };
-    assert_eq!(
-        dataset::load(&sequence.path(), &later).unwrap().sequences[0].len(),
-        2
+    let loaded = sequence.load().unwrap();
+    let found = &loaded.sequences[0];
+    assert_eq!((found.len(), found.frame_name(0)), (2, "frame00002.png"));
+    let notes: Vec<String> = found.notes().iter().map(ToString::to_string).collect();
+    assert_eq!(notes.len(), 1, "{notes:?}");
+    assert_clear(
+        &notes[0],
+        "warning: no ground truth before frame `frame00002.png`: tracking starts there",
     );
+    let faults = dataset::check(&sequence.path(), &LoadOptions::default()).faults;
+    assert_eq!(faults, found.notes());
 }
 
 fn nothing_selected() {

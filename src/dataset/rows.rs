@@ -509,7 +509,7 @@ mod tests {
             ("5 5 5 5 5 5 5 5\n", "gt:2: the quadrilateral has zero area"),
             ("0 0 5 5 9 9 7 7\n", "gt:2: the quadrilateral has zero area"),
             ("0 0 9 0 0 9 9 9\n", "gt:2: the quadrilateral is not convex"),
-            ("", "gt:2: 2 rows of ground truth for 3 frames, `c.png` and later"),
+            ("", "gt:2: 2 rows of ground truth for 3 frames; add"),
             (&good.repeat(2), "gt:4: 4 rows of ground truth for 3 frames"),
         ] {
             let truth = read_any(&format!("{good}{bad}{good}"), &frames);
