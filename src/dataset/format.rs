@@ -51,7 +51,7 @@ pub trait Format: Send + Sync {
     /// [`recognise`](Self::recognise) gave them. What is wrong with a frame goes to `annotations`.
     ///
     /// # Errors
-    /// The fault that made it impossible to go on. What was read until then is kept.
+    /// The fault that made it impossible to go on: such a sequence is not used.
     fn read(
         &self,
         sequence: &Found,

@@ -242,7 +242,7 @@ fn hints(rows: usize, frames: usize, first: u64, distance: u64) -> String {
     let step = (2..=frames).find(|step| frames.div_ceil(*step) == rows && rows > 1);
     let step = step.map_or(String::new(), |step| {
         let distance = step as u64 * distance;
-        format!(", --truth-step {distance} if for one of {step}")
+        format!(", --truth-step {distance} if for one frame in {step}")
     });
     format!(
         "--truth-start {first} if they are for the first frames, --truth-start {late} if for the last{step}"
