@@ -1,7 +1,7 @@
 //! Every kind of bad data gives exactly one clear error: where it is, what is wrong, what to do.
 
 use mtf::geom::Corners;
-use mtf_eval::dataset::{self, Dataset, DatasetError, Formats, LoadOptions, OnBadData, Severity};
+use mtf_eval::dataset::{self, Dataset, DatasetError, LoadOptions, OnBadData, Severity};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -89,7 +89,7 @@ impl Sequence {
 
     /// The message of the one fault that `check` finds, without the path of the sequence.
     fn only_fault(&self) -> String {
-        let faults = dataset::check(&self.path(), &Formats::builtin()).faults;
+        let faults = dataset::check(&self.path(), &LoadOptions::default()).faults;
         assert_eq!(faults.len(), 1, "{faults:#?}");
         assert_eq!(faults[0].severity, Severity::Error);
         faults[0]
@@ -144,7 +144,7 @@ fn refused_path(path: &Path, message: &str) {
             .to_string(),
         message,
     );
-    let faults = dataset::check(path, &Formats::builtin()).faults;
+    let faults = dataset::check(path, &LoadOptions::default()).faults;
     assert_eq!(faults.len(), 1);
     assert_clear(&faults[0].to_string(), message);
     assert_clear(&dataset::load(path, &skip()).unwrap_err().to_string(), message);
@@ -152,7 +152,10 @@ fn refused_path(path: &Path, message: &str) {
 
 fn good_data_has_no_fault() {
     let sequence = Sequence::new();
-    assert_eq!(dataset::check(&sequence.path(), &Formats::builtin()).faults, []);
+    assert_eq!(
+        dataset::check(&sequence.path(), &LoadOptions::default()).faults,
+        []
+    );
     assert_eq!(sequence.load().unwrap().sequences[0].len(), 3);
 }
 
@@ -256,11 +259,12 @@ fn missing_and_surplus_rows() {
         .refused("groundtruth.txt:5: there is no frame `frame00004.png`");
     let row = format!("{QUAD}\n");
     Sequence::new().plain_truth(&row.repeat(2)).refused(
-        "groundtruth.txt:2: 2 rows of ground truth for 3 frames, `frame00003.png` and later have none",
+        "groundtruth.txt:2: 2 rows of ground truth for 3 frames; add the missing rows, or say in the command or in `meta.json` \
+         which frames they are for: --truth-start 1 if they are for the first frames, --truth-start 2 if for the last",
     );
-    Sequence::new().plain_truth(&row.repeat(5)).refused(
-        "groundtruth.txt:4: 5 rows of ground truth for 3 frames, from this row on there is no frame",
-    );
+    Sequence::new()
+        .plain_truth(&row.repeat(5))
+        .refused("groundtruth.txt:4: 5 rows of ground truth for 3 frames; add the missing frames");
 }
 
 fn bad_rows() {
@@ -287,7 +291,7 @@ fn bad_rows() {
         let loaded = dataset::load(&sequence.path(), &skip()).unwrap();
         let truth: Vec<bool> = (0..3).map(|i| loaded.sequences[0].truth(i).is_some()).collect();
         assert_eq!(truth, [true, false, true]);
-        assert_eq!(loaded.skipped.len(), 1);
+        assert_eq!(loaded.sequences[0].notes().len(), 1);
         let sequence = Sequence::new().truth(&[row, "", ""]);
         assert!(dataset::load(&sequence.path(), &skip()).is_err());
     }
@@ -311,22 +315,25 @@ fn initial_corners_outside_the_image() {
         .refused("groundtruth.txt:2: a corner of the initial quadrilateral lies outside the 48x32 image");
     // Later frames may leave the image.
     let sequence = Sequence::new().truth(&["", "40 10 60 10 60 25 40 25", ""]);
-    assert_eq!(dataset::check(&sequence.path(), &Formats::builtin()).faults, []);
+    assert_eq!(
+        dataset::check(&sequence.path(), &LoadOptions::default()).faults,
+        []
+    );
 }
 
 fn first_frame_without_annotation() {
-    Sequence::new()
-        .truth(&["tracker_failed", "", ""])
-        .refused("groundtruth.txt:2: the first frame `frame00001.png` is not annotated");
     let sequence = Sequence::new().truth(&["tracker_failed", "", ""]);
-    let later = LoadOptions {
-        start: 1,
-        ..LoadOptions::default()
-    };
-    assert_eq!(
-        dataset::load(&sequence.path(), &later).unwrap().sequences[0].len(),
-        2
+    let loaded = sequence.load().unwrap();
+    let found = &loaded.sequences[0];
+    assert_eq!((found.len(), found.frame_name(0)), (2, "frame00002.png"));
+    let notes: Vec<String> = found.notes().iter().map(ToString::to_string).collect();
+    assert_eq!(notes.len(), 1, "{notes:?}");
+    assert_clear(
+        &notes[0],
+        "warning: no ground truth before frame `frame00002.png`: tracking starts there",
     );
+    let faults = dataset::check(&sequence.path(), &LoadOptions::default()).faults;
+    assert_eq!(faults, found.notes());
 }
 
 fn nothing_selected() {
@@ -362,7 +369,7 @@ fn check_lists_all_faults_and_skip_keeps_the_good_sequences() {
             .without("groundtruth.txt")
             .frame("meta.json", b"{"),
     );
-    let checked = dataset::check(root.path(), &Formats::builtin());
+    let checked = dataset::check(root.path(), &LoadOptions::default());
     assert_eq!((checked.sequences, checked.frames), (3, 9));
     let faults: Vec<String> = checked.faults.iter().map(|f| f.to_string()).collect();
     let expected = [
@@ -379,9 +386,20 @@ fn check_lists_all_faults_and_skip_keeps_the_good_sequences() {
     assert!(dataset::load(root.path(), &LoadOptions::default()).is_err());
     let loaded = dataset::load(root.path(), &skip()).unwrap();
     let names: Vec<&str> = loaded.sequences.iter().map(|s| s.name()).collect();
-    assert_eq!((names, loaded.skipped.len()), (vec!["gap", "good"], 3));
+    assert_eq!(names, ["good"]);
+    let left_out: Vec<(&str, String)> = loaded
+        .left_out
+        .iter()
+        .map(|l| (l.sequence.as_str(), l.reasons.last().unwrap().to_string()))
+        .collect();
+    assert_eq!((left_out[0].0, left_out[1].0), ("bare", "gap"));
+    assert!(
+        left_out[1]
+            .1
+            .contains("gap/frame00003.png: the image file is empty")
+    );
     assert_eq!(
-        loaded.sequences[1].truth(0),
+        loaded.sequences[0].truth(0),
         Some(Corners::rect(10.0, 10.0, 20.0, 15.0))
     );
 }

@@ -101,9 +101,8 @@ fn a_format_of_ones_own() {
         "{unknown}"
     );
 
-    let formats = Formats::builtin().with(CornersJson);
     let options = LoadOptions {
-        formats: formats.clone(),
+        formats: Formats::builtin().with(CornersJson),
         on_bad_data: dataset::OnBadData::Skip,
         ..LoadOptions::default()
     };
@@ -130,7 +129,7 @@ fn a_format_of_ones_own() {
     assert_eq!(left.read(2, false).unwrap().width(), 20);
     assert_ne!(left.fingerprint(), data.sequences[1].fingerprint());
 
-    let faults = dataset::check(root.path(), &formats).faults;
+    let faults = dataset::check(root.path(), &options).faults;
     assert_eq!(faults.len(), 1, "{faults:?}");
     let message = faults[0].to_string();
     assert!(

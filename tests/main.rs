@@ -20,6 +20,7 @@ mod faults;
 mod harness;
 mod illumination;
 mod limits;
+mod matching;
 #[cfg(target_os = "linux")]
 mod names;
 mod nonrigid;
@@ -58,6 +59,7 @@ fn main() -> std::process::ExitCode {
         faults::TESTS,
         illumination::TESTS,
         limits::TESTS,
+        matching::TESTS,
         #[cfg(target_os = "linux")]
         names::TESTS,
         nonrigid::TESTS,

@@ -1,7 +1,7 @@
 //! The real sequences of the shared data: their layout is known, and nothing in them is faulty.
 
 use crate::harness::shared;
-use mtf_eval::dataset::{Formats, LoadOptions, Sequence, check, load};
+use mtf_eval::dataset::{LoadOptions, Sequence, check, load};
 
 crate::tests! {
     real_sequences needs Shared;
@@ -36,7 +36,7 @@ fn real_sequences() {
 }
 
 fn real_sequences_have_no_fault() {
-    let checked = check(&shared("data/real/jsar_phone7"), &Formats::builtin());
+    let checked = check(&shared("data/real/jsar_phone7"), &LoadOptions::default());
     assert_eq!(
         (checked.sequences, checked.frames, checked.faults),
         (1, 84, vec![])

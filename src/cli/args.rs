@@ -5,6 +5,7 @@ use super::values::{
     assignment, at_least_one, at_least_two, channels, duration, non_negative, positive, resolution, size,
     threads,
 };
+use crate::dataset::{BoxForm, Origin, Reading, TruthRows};
 use crate::metric::MetricSet;
 use crate::plan::{Protocols, Shard};
 use crate::report::{Format, TableOptions, parse_sort};
@@ -182,6 +183,46 @@ pub struct SelectionArgs {
     /// What to do with a sequence whose data is faulty [default: fail]
     #[arg(long, value_name = "WHAT")]
     pub on_bad_data: Option<OnBadData>,
+    /// How ground truth is read.
+    #[command(flatten)]
+    pub truth: TruthArgs,
+}
+
+/// How ground truth is read.
+#[derive(Args, Clone, Copy, Debug, Default)]
+#[command(next_help_heading = "Frames")]
+pub struct TruthArgs {
+    /// Coordinate that the ground truth gives to the centre of the first pixel: 0, 0.5 (its corner is at 0), 1 or 1.5 (the
+    /// same counted from 1) [default: `origin` in meta.json, else what the format has; `data info` shows it]
+    #[arg(long, value_name = "N")]
+    pub origin: Option<Origin>,
+    /// The four numbers of boxes: xywh, xyxy (two corners) or cxcywh (centre) [default: `box` in meta.json, else xywh]
+    #[arg(long = "box", value_name = "FORM")]
+    pub boxes: Option<BoxForm>,
+    /// The first row of ground truth is for the frame of this number (in its name, or counted from 1 where names have none)
+    /// [default: `truth_start` in meta.json, else the first frame]
+    #[arg(long, value_name = "N")]
+    pub truth_start: Option<u64>,
+    /// Frames from a row of ground truth to the next, in these numbers [default: `truth_step` in meta.json, else 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub truth_step: Option<u64>,
+    /// Refuse a start that lies partly outside the image, instead of tracking it with a warning
+    #[arg(long)]
+    pub strict: bool,
+}
+
+impl TruthArgs {
+    /// What is asked for.
+    pub fn reading(&self) -> Reading {
+        Reading {
+            origin: self.origin,
+            boxes: self.boxes,
+            rows: TruthRows {
+                start: self.truth_start,
+                step: self.truth_step,
+            },
+        }
+    }
 }
 
 /// What to do with faulty data.
@@ -189,7 +230,7 @@ pub struct SelectionArgs {
 pub enum OnBadData {
     /// Stop before tracking
     Fail,
-    /// Leave the sequence out, with a warning
+    /// Leave the sequence out, with a warning; of one that is usable but for some rows, only these
     Skip,
 }
 

@@ -1,7 +1,9 @@
 //! `mtf-eval data`: looks into datasets and finds what is wrong with them.
 
+use super::args::TruthArgs;
 use super::console::print;
 use super::exit;
+use super::experiment::warn_of;
 use super::program::Program;
 use crate::dataset::{self, Dataset, LoadOptions, Severity};
 use crate::report::{Format, render, text::one_line};
@@ -25,6 +27,9 @@ enum DataCommand {
         /// Datasets: folders, or `builtin` for the embedded one
         #[arg(value_name = "DATA", default_value = dataset::BUILTIN)]
         paths: Vec<PathBuf>,
+        /// How ground truth is read.
+        #[command(flatten)]
+        truth: TruthArgs,
     },
     /// Show sequences with their format, frames, size, tags and fingerprint
     Info {
@@ -37,6 +42,9 @@ enum DataCommand {
         /// Decode every frame and cover its pixels in the fingerprint
         #[arg(long)]
         paranoid: bool,
+        /// How ground truth is read.
+        #[command(flatten)]
+        truth: TruthArgs,
     },
 }
 
@@ -50,19 +58,29 @@ enum InfoFormat {
 /// Runs `data`. Results go to stdout, messages to stderr.
 pub fn run(args: &DataArgs, program: &Program) -> Result<ExitCode> {
     match &args.command {
-        DataCommand::Check { paths } => check(paths, program),
+        DataCommand::Check { paths, truth } => check(paths, &options(truth, program), program),
         DataCommand::Info {
             paths,
             format,
             paranoid,
-        } => info(paths, *format, *paranoid, program),
+            truth,
+        } => info(paths, *format, *paranoid, &options(truth, program), program),
     }
 }
 
-fn check(paths: &[PathBuf], program: &Program) -> Result<ExitCode> {
+fn options(truth: &TruthArgs, program: &Program) -> LoadOptions {
+    LoadOptions {
+        formats: program.catalogue.formats.clone(),
+        reading: truth.reading(),
+        strict: truth.strict,
+        ..LoadOptions::default()
+    }
+}
+
+fn check(paths: &[PathBuf], options: &LoadOptions, program: &Program) -> Result<ExitCode> {
     let (mut sequences, mut frames, mut errors, mut warnings) = (0, 0, 0, 0);
     for path in paths {
-        let checked = dataset::check(path, &program.catalogue.formats);
+        let checked = dataset::check(path, options);
         sequences += checked.sequences;
         frames += checked.frames;
         for fault in &checked.faults {
@@ -88,14 +106,17 @@ fn check(paths: &[PathBuf], program: &Program) -> Result<ExitCode> {
     })
 }
 
-fn info(paths: &[PathBuf], format: InfoFormat, paranoid: bool, program: &Program) -> Result<ExitCode> {
-    let options = LoadOptions {
-        formats: program.catalogue.formats.clone(),
-        ..LoadOptions::default()
-    };
+fn info(
+    paths: &[PathBuf],
+    format: InfoFormat,
+    paranoid: bool,
+    options: &LoadOptions,
+    program: &Program,
+) -> Result<ExitCode> {
     let mut sets = Vec::new();
     for path in paths {
-        let set = dataset::load(path, &options)?;
+        let set = dataset::load(path, options)?;
+        warn_of(&set, &program.console);
         let rows = rows(&set, paranoid)?;
         sets.push((set.name, rows));
     }
@@ -121,6 +142,9 @@ fn rows(set: &Dataset, paranoid: bool) -> Result<Vec<Value>> {
             "format": s.format(),
             "frames": s.len(),
             "annotated": s.annotated(),
+            "absent": s.absent(),
+            "origin": s.origin(),
+            "box": s.boxes(),
             "width": s.width(),
             "height": s.height(),
             "tags": s.tags(),
@@ -137,6 +161,9 @@ fn table(sets: &[(String, Vec<Value>)], colour: bool) -> String {
         "format",
         "frames",
         "annotated",
+        "absent",
+        "origin",
+        "box",
         "size",
         "fingerprint",
         "tags",
@@ -150,6 +177,9 @@ fn table(sets: &[(String, Vec<Value>)], colour: bool) -> String {
             text(&row["format"]),
             text(&row["frames"]),
             text(&row["annotated"]),
+            text(&row["absent"]),
+            text(&row["origin"]),
+            row["box"].as_str().unwrap_or("-").into(),
             format!("{}x{}", row["width"], row["height"]),
             // Enough to tell data apart at a glance; JSON has all of it.
             text(&row["fingerprint"]).chars().take(12).collect(),

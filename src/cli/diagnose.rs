@@ -1,5 +1,6 @@
 //! `mtf-eval diagnose`: analytic against numeric derivatives.
 
+use super::args::TruthArgs;
 use super::console::print;
 use super::exit::{self, Failure, Outcome};
 use super::program::Program;
@@ -24,6 +25,9 @@ use std::sync::Arc;
 pub struct DiagnoseArgs {
     /// Dataset whose frames supply the patches [default: the embedded one]
     pub data: Option<PathBuf>,
+    /// Which frames rows of ground truth are for.
+    #[command(flatten)]
+    pub truth: TruthArgs,
     /// Appearance models
     #[arg(long, value_name = "LIST", default_value = "all")]
     pub am: String,
@@ -77,6 +81,8 @@ pub fn run(args: &DiagnoseArgs, program: &Program) -> Outcome {
     let path = args.data.clone().unwrap_or_else(|| dataset::BUILTIN.into());
     let options = LoadOptions {
         formats: program.catalogue.formats.clone(),
+        reading: args.truth.reading(),
+        strict: args.truth.strict,
         ..LoadOptions::default()
     };
     let data = dataset::load(&path, &options).map_err(Failure::usage)?;

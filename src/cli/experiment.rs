@@ -5,7 +5,7 @@ use super::console::Console;
 use super::exit::{self, Failure};
 use super::program::Program;
 use super::values::{at_least_one, at_least_two, positive};
-use crate::dataset::{self, Label, LoadOptions, Sequence};
+use crate::dataset::{self, Dataset, Fault, Label, LoadOptions, Origin, Sequence, Severity};
 use crate::plan::{
     ExperimentFile, ExperimentFileError, FrameLogs, Protocols, RunRequest, RunRequestBuilder, TrackerEntry,
     sequence_id, usual_filter,
@@ -17,7 +17,7 @@ use mtf::registry::{
     DEFAULT_AM, DEFAULT_SM, DEFAULT_SSM, Refusal, Registry, Selection, SpecError, TrackerSpec,
 };
 use mtf::ssm;
-use serde_json::Map;
+use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -60,8 +60,20 @@ pub fn experiment(
     let mut about = Map::new();
     about.insert("frame_gap".into(), args.selection.frame_gap.unwrap_or(1).into());
     about.insert("max_frames".into(), args.selection.max_frames.into());
+    for (word, number) in [
+        ("truth_start", args.selection.truth.truth_start),
+        ("truth_step", args.selection.truth.truth_step),
+    ] {
+        if let Some(number) = number {
+            about.insert(word.into(), number.into());
+        }
+    }
     about.insert("gt_ssm".into(), args.selection.gt_ssm.clone().into());
     about.insert("command".into(), command.into());
+    let read_as = read_as(&sequences);
+    if !read_as.is_empty() {
+        about.insert("read_as".into(), read_as.into());
+    }
     let frame_logs = match args.frame_logs.frame_logs {
         None | Some(FrameLogsArg::Csv) => FrameLogs::Csv,
         Some(FrameLogsArg::Zst) => FrameLogs::Zst,
@@ -143,12 +155,21 @@ fn complete(args: &mut ExperimentArgs, file: &ExperimentFile) -> Result<(), Expe
     or(&mut selection.on_bad_data, file, "on_bad_data", |s| {
         OnBadData::from_str(s, true)
     })?;
+    let whole = |s: &str| s.parse().map_err(|_| "expected a whole number, 0 or more".into());
+    or(&mut selection.truth.truth_start, file, "truth_start", whole)?;
+    or(&mut selection.truth.truth_step, file, "truth_step", |s| {
+        at_least_one(s).map(|n| n as u64)
+    })?;
+    or(&mut selection.truth.origin, file, "origin", str::parse)?;
+    or(&mut selection.truth.boxes, file, "box", str::parse)?;
+    let strict = file.value("strict", |s| {
+        s.parse().map_err(|_| "expected true or false".into())
+    })?;
+    selection.truth.strict |= strict.unwrap_or(false);
     or(&mut args.frame_logs.frame_logs, file, "frame_logs", |s| {
         FrameLogsArg::from_str(s, true)
     })?;
-    or(&mut args.seed, file, "seed", |s| {
-        s.parse().map_err(|_| "expected a whole number, 0 or more".into())
-    })?;
+    or(&mut args.seed, file, "seed", whole)?;
     or(&mut args.timeout, file, "timeout", positive)
 }
 
@@ -315,6 +336,8 @@ pub fn sequences(
             Some(OnBadData::Skip) => dataset::OnBadData::Skip,
             _ => dataset::OnBadData::Fail,
         },
+        reading: args.truth.reading(),
+        strict: args.truth.strict,
         start: 0,
         frame_gap: args.frame_gap.unwrap_or(1),
         max_frames: args.max_frames,
@@ -324,9 +347,7 @@ pub fn sequences(
     let builtin = [PathBuf::from(dataset::BUILTIN)];
     for path in if data.is_empty() { &builtin } else { data } {
         let set = dataset::load_where(path, &options, &wanted).map_err(Failure::usage)?;
-        for fault in &set.skipped {
-            program.console.warn(&fault.to_string());
-        }
+        warn_of(&set, &program.console);
         all += set.sequences.len() + set.unwanted;
         chosen.extend(set.sequences);
     }
@@ -337,6 +358,47 @@ pub fn sequences(
         ));
     }
     Ok(chosen)
+}
+
+/// Tells which sequences are left out and what is left out of others, a line each; and in one line what looks wrong.
+pub fn warn_of(set: &Dataset, console: &Console) {
+    let tell = |faults: &[&Fault], after: &str| {
+        let Some(first) = faults.first() else { return };
+        let more = match faults.len() {
+            1 => String::new(),
+            n => format!(" (and {} more, see `data check`)", n - 1),
+        };
+        // The console says that it warns.
+        let severity = Severity::Error;
+        let first = Fault {
+            severity,
+            ..(*first).clone()
+        };
+        console.warn(&format!("{first}{more}{after}"));
+    };
+    for left_out in &set.left_out {
+        let after = format!(": {}/{} is left out", left_out.dataset, left_out.sequence);
+        tell(&left_out.reasons.iter().collect::<Vec<_>>(), &after);
+    }
+    let is_warning = |note: &&Fault| note.severity == Severity::Warning;
+    for note in set.notes.iter().filter(|note| !is_warning(note)) {
+        tell(&[note], "");
+    }
+    for sequence in &set.sequences {
+        let errors = sequence.notes().iter().filter(|note| !is_warning(note));
+        tell(&errors.collect::<Vec<_>>(), "");
+    }
+    let of_sequences = set.sequences.iter().flat_map(|sequence| sequence.notes());
+    let warnings = set.notes.iter().chain(of_sequences).filter(is_warning);
+    tell(&warnings.collect::<Vec<_>>(), "");
+}
+
+/// How the truth of each sequence was read where it is not corners with pixel centres at integers.
+fn read_as(sequences: &[Sequence]) -> Map<String, Value> {
+    let usual = |s: &&Sequence| s.origin() == Origin::CENTRE && s.boxes().is_none();
+    let others = sequences.iter().filter(|s| !usual(s));
+    let told = others.map(|s| (sequence_id(s), json!({"origin": s.origin(), "box": s.boxes()})));
+    told.collect()
 }
 
 /// Replaces ground truth by what the state space model `name` can follow of it.

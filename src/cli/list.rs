@@ -1,7 +1,9 @@
 //! `mtf-eval list`: what exists, from the tables that everything else uses.
 
+use super::args::TruthArgs;
 use super::console::print;
 use super::exit::{Failure, Outcome};
+use super::experiment::warn_of;
 use super::program::Program;
 use crate::catalogue::Catalogue;
 use crate::dataset::{self, LoadOptions, OnBadData};
@@ -27,6 +29,9 @@ pub struct ListArgs {
     /// Data to list, with `list data` [default: the embedded data set]
     #[arg(long = "data", value_name = "DIR")]
     pub data: Vec<PathBuf>,
+    /// Which frames rows of ground truth are for.
+    #[command(flatten)]
+    pub truth: TruthArgs,
 }
 
 /// What can be listed.
@@ -69,10 +74,10 @@ struct Listing {
 /// Data that cannot be read; stdout cannot be written to.
 pub fn run(args: &ListArgs, program: &Program) -> Outcome {
     let listings = match args.what {
-        Some(what) => vec![listing(what, program, &args.data)?],
+        Some(what) => vec![listing(what, program, args)?],
         None => [ListWhat::Sm, ListWhat::Am, ListWhat::Ssm, ListWhat::Ilm]
             .into_iter()
-            .map(|what| listing(what, program, &args.data))
+            .map(|what| listing(what, program, args))
             .collect::<Result<_, _>>()?,
     };
     let table = |l: &Listing| render(&l.header, &l.rows, args.format, false);
@@ -94,7 +99,7 @@ pub fn run(args: &ListArgs, program: &Program) -> Outcome {
     print(&text).map(|()| ExitCode::SUCCESS)
 }
 
-fn listing(what: ListWhat, program: &Program, data: &[PathBuf]) -> Result<Listing, Failure> {
+fn listing(what: ListWhat, program: &Program, args: &ListArgs) -> Result<Listing, Failure> {
     let catalogue = &program.catalogue;
     let Catalogue {
         registry, metrics, ..
@@ -245,15 +250,19 @@ fn listing(what: ListWhat, program: &Program, data: &[PathBuf]) -> Result<Listin
             let options = LoadOptions {
                 formats: catalogue.formats.clone(),
                 on_bad_data: OnBadData::Skip,
+                reading: args.truth.reading(),
+                strict: args.truth.strict,
                 ..LoadOptions::default()
             };
             let builtin = [PathBuf::from(dataset::BUILTIN)];
             let mut rows = Vec::new();
-            for path in if data.is_empty() { &builtin } else { data } {
+            for path in if args.data.is_empty() {
+                &builtin[..]
+            } else {
+                &args.data
+            } {
                 let set = dataset::load(path, &options).map_err(Failure::usage)?;
-                for fault in &set.skipped {
-                    program.console.warn(&fault.to_string());
-                }
+                warn_of(&set, &program.console);
                 for s in set.sequences {
                     rows.push(vec![
                         format!("{}/{}", s.dataset(), s.name()),

@@ -2,6 +2,7 @@
 //!
 //! Depends on `geom` and the errors.
 
+use super::reading::{BoxForm, Origin, Reading};
 use super::{DatasetError, DatasetErrorKind};
 use mtf::geom::Corners;
 use std::path::{Path, PathBuf};
@@ -93,6 +94,16 @@ pub struct Annotations {
     pub(super) frames: Vec<Annotation>,
     pub(super) tags: Vec<String>,
     pub(super) faults: Vec<DatasetError>,
+    /// How the truth is to be read, as far as that is asked for.
+    pub(super) asked: Reading,
+    /// Where its first pixel is.
+    pub(super) origin: Origin,
+    /// What its boxes are, when it has any.
+    pub(super) boxes: Option<BoxForm>,
+    /// What is to know about data that can be used as it stands.
+    pub(super) warnings: Vec<DatasetError>,
+    /// The frame of each row that names none, `None` where it is not there.
+    pub(super) rows: Vec<Option<usize>>,
 }
 
 impl Annotations {
@@ -102,6 +113,16 @@ impl Annotations {
             frames: vec![Annotation::default(); frames],
             ..Annotations::default()
         }
+    }
+
+    /// How the truth is to be read, as far as that is asked for in place of what the format usually has.
+    pub fn asked(&self) -> Reading {
+        self.asked
+    }
+
+    /// Notes the coordinate that the truth gives to the centre of its first pixel. Corners are without it.
+    pub fn set_origin(&mut self, origin: Origin) {
+        self.origin = origin;
     }
 
     /// What is known of each frame.
@@ -150,6 +171,11 @@ impl Annotations {
         if !self.tags.iter().any(|tag| tag == word) {
             self.tags.push(word.into());
         }
+    }
+
+    /// Something to know about data that can be used as it stands.
+    pub fn warn(&mut self, warning: DatasetError) {
+        self.warnings.push(warning);
     }
 
     /// Something else that is wrong.

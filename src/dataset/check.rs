@@ -1,11 +1,12 @@
 //! Finds every fault of a dataset.
 
 use super::find::{Unread, find};
-use super::format::Formats;
 use super::open::Draft;
 use super::sequence::{check_size, read_frame};
-use super::{DatasetError, resolve};
+use super::suspect::flat;
+use super::{DatasetError, LoadOptions, resolve};
 use rayon::prelude::*;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// How bad a fault is.
@@ -39,7 +40,43 @@ impl Fault {
             severity,
         }
     }
+
+    /// What is to know about data that can be used as it stands.
+    pub(super) fn warning(error: &DatasetError) -> Self {
+        Fault::new(error, Severity::Warning)
+    }
+
+    /// `errors` in their order. Of more than [`ALIKE`] of one kind in one file, the first, which says how many there are.
+    pub(super) fn all(errors: &[DatasetError], severity: Severity) -> Vec<Fault> {
+        let key = |e: &DatasetError| (e.path.clone(), std::mem::discriminant(&e.kind));
+        let mut alike: HashMap<_, (usize, Option<usize>)> = HashMap::new();
+        for error in errors {
+            let (count, last) = alike.entry(key(error)).or_default();
+            *count += 1;
+            *last = error.line;
+        }
+        let mut faults = Vec::new();
+        for error in errors {
+            // Whose count is taken has been told.
+            let entry = alike.entry(key(error)).or_default();
+            match *entry {
+                (0, _) => {}
+                (count, last) if count > ALIKE => {
+                    let mut fault = Fault::new(error, severity);
+                    let until = last.map_or(String::new(), |line| format!(", the last in line {line}"));
+                    fault.message += &format!(" ({} more of this kind{until})", count - 1);
+                    faults.push(fault);
+                    *entry = (0, None);
+                }
+                _ => faults.push(Fault::new(error, severity)),
+            }
+        }
+        faults
+    }
 }
+
+/// So many faults of one kind in one file are told one by one.
+const ALIKE: usize = 3;
 
 impl From<&DatasetError> for Fault {
     fn from(error: &DatasetError) -> Self {
@@ -69,14 +106,14 @@ pub struct Checked {
     pub sequences: usize,
     /// Frames decoded.
     pub frames: usize,
-    /// Every fault: links that lead nowhere, then in order of sequences; within one: structure, ground truth, frames.
+    /// Every fault: links that lead nowhere, folders too deep, then in order of sequences; within one: structure, ground truth, frames.
     pub faults: Vec<Fault>,
 }
 
-/// Every fault of the dataset at `path` (a folder, or `builtin`) in one of `formats`. Decodes every frame, on all
-/// threads.
-pub fn check(path: &Path, formats: &Formats) -> Checked {
-    let found = match resolve(path).and_then(|root| find(&root, formats)) {
+/// Every fault of the dataset at `path` (a folder, or `builtin`), read as `options` say; all frames count. Decodes every
+/// frame, on all threads.
+pub fn check(path: &Path, options: &LoadOptions) -> Checked {
+    let found = match resolve(path).and_then(|root| find(&root, &options.formats)) {
         Ok(found) => found,
         Err(e) => {
             return Checked {
@@ -85,20 +122,21 @@ pub fn check(path: &Path, formats: &Formats) -> Checked {
             };
         }
     };
+    let dead = found.dead.iter().map(|link| Fault::from(&link.fault));
     let mut checked = Checked {
         sequences: found.sequences.len(),
-        faults: found.dead.iter().map(|link| Fault::from(&link.fault)).collect(),
+        faults: dead.chain(found.too_deep().iter().map(Fault::warning)).collect(),
         ..Checked::default()
     };
     for unread in found.sequences {
         checked.frames += unread.parts.frames.len();
-        checked.faults.extend(check_sequence(unread));
+        checked.faults.extend(check_sequence(unread, options));
     }
     checked
 }
 
-fn check_sequence(unread: Unread) -> Vec<Fault> {
-    let mut draft = Draft::new(unread);
+fn check_sequence(unread: Unread, options: &LoadOptions) -> Vec<Fault> {
+    let mut draft = Draft::new(unread, options.reading);
     let mut errors = std::mem::take(&mut draft.fatal);
     let annotations = &mut draft.annotations;
     let truth_faults = std::mem::take(&mut annotations.faults);
@@ -112,22 +150,45 @@ fn check_sequence(unread: Unread) -> Vec<Fault> {
     let first = sizes.iter().find_map(|size| size.as_ref().ok()).copied();
 
     // The start is only looked at when what is said of it had no fault of its own.
-    let start = annotations.frames.first().and_then(|a| a.location.as_ref());
-    let start_reported = start.is_some_and(|at| {
-        truth_faults
-            .iter()
-            .any(|f| f.path == at.path && f.line == at.line)
+    let start = draft.start(0, &truth_faults);
+    let at = draft.annotations.frames.get(start);
+    let start_reported = at.and_then(|a| a.location.as_ref()).is_some_and(|at| {
+        let here = |f: &DatasetError| f.path == at.path && f.line == at.line;
+        truth_faults.iter().any(here)
     });
     errors.extend(truth_faults);
     if let (Some(size), true, false) = (first, truth_is_usable, start_reported) {
-        errors.extend(draft.start_fault(0, size));
+        let fault = draft.start_fault(start, size);
+        let outside = draft.start_outside(start, size).filter(|_| fault.is_none());
+        match options.strict {
+            true => errors.extend(fault.into_iter().chain(outside)),
+            false => {
+                errors.extend(fault);
+                draft.warnings.extend(outside);
+            }
+        }
+        draft.late_start(0, start);
     }
+    if let (Some(size), true) = (first, truth_is_usable) {
+        draft.warnings.extend(draft.suspects(size));
+        draft.warnings.extend(flat_start(&draft, start));
+    }
+    let frames = &draft.unread.parts.frames;
     for (file, size) in frames.iter().zip(sizes) {
         match size {
             Err(e) => errors.push(e),
             Ok(size) => errors.extend(first.and_then(|first| check_size(file, size, first).err())),
         }
     }
-    let warnings = draft.warnings.iter().map(|e| Fault::new(e, Severity::Warning));
-    errors.iter().map(Fault::from).chain(warnings).collect()
+    let mut faults = Fault::all(&errors, Severity::Error);
+    faults.extend(Fault::all(&draft.warnings, Severity::Warning));
+    faults
+}
+
+/// That frame `start` shows nothing to track at its corners.
+fn flat_start(draft: &Draft, start: usize) -> Option<DatasetError> {
+    let annotation = draft.annotations.frames.get(start)?;
+    let (corners, at) = (annotation.corners()?, annotation.location.as_ref()?);
+    let image = read_frame(draft.unread.parts.frames.get(start)?, false).ok()?;
+    Some(at.fault(flat(&image, &corners)?))
 }

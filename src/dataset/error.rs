@@ -78,23 +78,44 @@ pub enum DatasetErrorKind {
     #[error("the folder is empty; put a sequence (frames and `groundtruth.txt`) into it")]
     EmptyFolder,
     /// The folder holds nothing that looks like a sequence.
-    #[error("no sequence found; expected in the folder or its subfolders: {expected}")]
+    #[error(
+        "no sequence found in the folder and {depth} levels of folders below it{}; expected: {expected}",
+        not_searched(deeper.as_deref())
+    )]
     NoSequences {
+        /// Levels of folders that were searched.
+        depth: usize,
+        /// A folder that lies deeper.
+        deeper: Option<PathBuf>,
         /// The files that each known format is recognised by.
         expected: String,
+    },
+    /// Frames lie too deep to be found.
+    #[error(
+        "the images in this folder lie more than {depth} levels below the one that was given and are not used; give a folder nearer to them"
+    )]
+    TooDeep {
+        /// Levels of folders that were searched.
+        depth: usize,
+    },
+    /// The folder is where a sequence has its frames.
+    #[error("the frames of a sequence without its ground truth, which lies around them; give `{}`", whole.display())]
+    FramesOfSequence {
+        /// Folder of the sequence.
+        whole: PathBuf,
     },
     /// The built-in dataset is not part of this build.
     #[error("this build has no embedded sequences; give the path of a dataset")]
     NothingEmbedded,
     /// Frames without ground truth.
     #[error(
-        "frames without ground truth; add `groundtruth.txt` to the folder, or a text file named like the folder beside it"
+        "frames without ground truth; add `groundtruth.txt` to the folder, or a text file named like the folder beside it or in a folder `annos` there"
     )]
     NoGroundTruth,
     /// Ground truth without frames.
     #[error("no frames ({} files) for the ground truth; add them", image_formats())]
     NoFrames,
-    /// The ground truth is not UTF-8 text.
+    /// The ground truth is no text.
     #[error("not a text file; ground truth is a line of numbers per frame")]
     NotText,
     /// The ground truth has no rows.
@@ -117,28 +138,32 @@ pub enum DatasetErrorKind {
         expected: usize,
     },
     /// A word where a number should be.
-    #[error("`{word}` is not a number; correct the row")]
+    #[error(
+        "`{word}` is not a number; correct the row, or write `nan` for all of its numbers (the object is absent)"
+    )]
     NotANumber {
         /// The word.
         word: String,
     },
     /// A coordinate is NaN or infinite.
     #[error(
-        "a coordinate is not finite; correct the row, or write a word such as `unannotated` after the frame name"
+        "a coordinate is not finite; correct the row, or write `nan` for all of its numbers (the object is absent)"
     )]
     NotFinite,
     /// A coordinate is farther away than any image is large.
     #[error("a coordinate is beyond {MAX_COORDINATE} px; correct the row")]
     TooFar,
     /// All corners lie on one line or point.
-    #[error("the quadrilateral has zero area; correct the row")]
+    #[error(
+        "the quadrilateral has zero area; correct the row, or write 0 for all of its numbers (the object is absent)"
+    )]
     ZeroArea,
     /// The corners do not make a convex quadrilateral.
     #[error("the quadrilateral is not convex; give the corners in the order UL UR LR LL")]
     NotConvex,
     /// A corner of the first frame lies outside the image.
     #[error(
-        "a corner of the initial quadrilateral lies outside the {width}x{height} image; correct the row or start at another frame"
+        "a corner of the initial quadrilateral lies outside the {width}x{height} image; the part inside is tracked without `--strict`"
     )]
     InitialOutside {
         /// Width of the image in pixels.
@@ -146,8 +171,20 @@ pub enum DatasetErrorKind {
         /// Height of the image in pixels.
         height: usize,
     },
+    /// All of the first frame's quadrilateral lies outside the image.
+    #[error(
+        "the initial quadrilateral lies outside the {width}x{height} image; correct the row, or remove the frames before the object shows"
+    )]
+    InitialAway {
+        /// Width of the image in pixels.
+        width: usize,
+        /// Height of the image in pixels.
+        height: usize,
+    },
     /// The frame where tracking starts has no corners.
-    #[error("the first frame `{frame}` is not annotated; annotate it or start at another frame")]
+    #[error(
+        "the first frame `{frame}` is not annotated; annotate it, or remove the frames before the first with corners"
+    )]
     NoInitialTruth {
         /// Name of the frame.
         frame: String,
@@ -162,25 +199,123 @@ pub enum DatasetErrorKind {
     },
     /// Fewer rows than frames.
     #[error(
-        "{rows} rows of ground truth for {frames} frames, `{frame}` and later have none; add the missing rows or remove the frames"
+        "{rows} rows of ground truth for {frames} frames; add the missing rows, or say in the command or in `meta.json` which frames they are for: {hints}"
     )]
     FewerRows {
         /// Rows in the file.
         rows: usize,
         /// Frames in the folder.
         frames: usize,
-        /// First frame without a row.
-        frame: String,
+        /// Which options would say so.
+        hints: String,
     },
     /// More rows than frames.
     #[error(
-        "{rows} rows of ground truth for {frames} frames, from this row on there is no frame; add the missing frames or remove the rows"
+        "{rows} rows of ground truth for {frames} frames; add the missing frames, or remove rows, or say which frame the first row is for: --truth-start, or `meta.json`"
     )]
     MoreRows {
         /// Rows in the file.
         rows: usize,
         /// Frames in the folder.
         frames: usize,
+    },
+    /// More frames than rows, and some are there twice.
+    #[error("{rows} rows of ground truth for {frames} frames, and {shared}")]
+    TwiceTheFrames {
+        /// Rows in the file.
+        rows: usize,
+        /// Frames in the folder.
+        frames: usize,
+        /// Which two.
+        shared: String,
+    },
+    /// A row is for a frame that is not there.
+    #[error(
+        "this row is for frame {number}, which is not there ({others} more like it); add the frame, or leave its row out with --on-bad-data skip"
+    )]
+    LostFrame {
+        /// The number that it would have.
+        number: u64,
+        /// Further rows of which the same is true.
+        others: usize,
+    },
+    /// Rows are for frames after the last.
+    #[error(
+        "from here on {rows} rows are for frames after the last, {last}; remove them, or leave them out with --on-bad-data skip"
+    )]
+    SurplusRows {
+        /// How many.
+        rows: usize,
+        /// Number of the last frame.
+        last: u64,
+    },
+    /// Where the rows are said to begin there is no frame.
+    #[error(
+        "the first row cannot be for frame {start}: the frames are numbered from {first} to {last}; correct --truth-start or `truth_start` in `meta.json`"
+    )]
+    NoFrameOfNumber {
+        /// Number of the frame that the first row should be for.
+        start: u64,
+        /// Number of the first frame.
+        first: u64,
+        /// Number of the last frame.
+        last: u64,
+    },
+    /// Blank lines are taken as rows.
+    #[error(
+        "{blank} blank lines are taken as frames without annotation; write `nan` for each number if they are"
+    )]
+    BlankRows {
+        /// How many.
+        blank: usize,
+    },
+    /// Frames may be missing.
+    #[error(
+        "the numbers of frames jump from `{before}` to `{after}` ({others} more jumps); check that no frame is missing"
+    )]
+    NumberGap {
+        /// The frame before the first gap.
+        before: String,
+        /// The frame after it.
+        after: String,
+        /// Further gaps.
+        others: usize,
+    },
+    /// Two frames have the same number.
+    #[error("the frames `{first}` and `{second}` have the same number; keep one of them")]
+    SharedNumber {
+        /// One.
+        first: String,
+        /// The other.
+        second: String,
+    },
+    /// Names could be ordered in two ways.
+    #[error(
+        "frames are ordered by decimal numbers, so that `{first}` comes before `{second}`; give names that leave no doubt, such as 00001"
+    )]
+    DecimalNames {
+        /// A frame.
+        first: String,
+        /// One that comes after it, though its digits say otherwise.
+        second: String,
+    },
+    /// Tracking starts on a later frame than the first.
+    #[error(
+        "no ground truth before frame `{frame}`: tracking starts there; annotate the frames before it to start earlier"
+    )]
+    LateStart {
+        /// Name of the first frame with ground truth.
+        frame: String,
+    },
+    /// A row may mean several frames.
+    #[error("`{frame}` may be `{first}` or `{second}`; write the whole name")]
+    AmbiguousFrame {
+        /// Name in the row.
+        frame: String,
+        /// A frame.
+        first: String,
+        /// Another.
+        second: String,
     },
     /// A row names a frame that is not there.
     #[error("there is no frame `{frame}`; add it or remove the row")]
@@ -212,10 +347,20 @@ pub enum DatasetErrorKind {
         first_height: usize,
     },
     /// `meta.json` cannot be understood.
-    #[error("bad metadata ({detail}); expected {{\"tags\": [\"word\", ...]}}")]
+    #[error(
+        "bad metadata ({detail}); expected {{\"tags\": [\"word\", ...], \"origin\": 0, 0.5, 1 or 1.5, \"box\": \"xywh\", \"xyxy\" or \"cxcywh\", \"truth_start\": number of a frame, \"truth_step\": 1 or more}}"
+    )]
     BadMeta {
         /// What the parser met.
         detail: String,
+    },
+    /// Something that is well formed and yet looks wrong.
+    #[error("{fault}; {remedy}")]
+    Doubtful {
+        /// What looks wrong, and in which frame.
+        fault: String,
+        /// What to do about it.
+        remedy: String,
     },
     /// Something else that breaks the rules of the format.
     #[error("{fault}; {remedy}")]
@@ -235,6 +380,15 @@ pub enum DatasetErrorKind {
         /// Frames in the sequence.
         frames: usize,
     },
+}
+
+fn not_searched(deeper: Option<&Path>) -> String {
+    deeper.map_or(String::new(), |path| {
+        format!(
+            " (deeper ones such as `{}` were not searched: give one of them)",
+            path.display()
+        )
+    })
 }
 
 // Messages hold those of their causes, so causes are not chained: a report would say everything twice.

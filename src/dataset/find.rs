@@ -5,7 +5,7 @@ use super::order::natural;
 use super::storage::Folder;
 use super::{DatasetError, DatasetErrorKind};
 use std::collections::HashSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Deepest level of folders below the given one that may hold frames: `root/actor/sequence`.
@@ -29,6 +29,8 @@ pub(super) struct DeadLink {
     pub dataset: String,
     /// Name that the sequence has or would have.
     pub name: String,
+    /// It lies in a sequence that was found.
+    pub in_sequence: bool,
     /// What is to say about it.
     pub fault: DatasetError,
 }
@@ -40,6 +42,20 @@ pub(super) struct Finds {
     pub sequences: Vec<Unread>,
     /// Links that lead nowhere.
     pub dead: Vec<DeadLink>,
+    /// Folders too deep to be searched.
+    pub deeper: Vec<Folder>,
+}
+
+impl Finds {
+    /// A warning when a folder with images is among those that were not searched.
+    pub fn too_deep(&self) -> Option<DatasetError> {
+        let images = |folder: &&Folder| Place::new(folder).is_ok_and(|place| !place.images().is_empty());
+        let folder = self.deeper.iter().find(images)?;
+        Some(DatasetError::new(
+            folder.path(),
+            DatasetErrorKind::TooDeep { depth: DEPTH },
+        ))
+    }
 }
 
 /// Every sequence in `root` and up to two levels below it, in natural order. Frames without ground truth are found too. A
@@ -61,12 +77,40 @@ pub(super) fn find(root: &Folder, formats: &Formats) -> Result<Finds, DatasetErr
             DatasetErrorKind::EmptyFolder
         } else {
             DatasetErrorKind::NoSequences {
+                depth: DEPTH,
+                deeper: finds.deeper.first().map(|folder| folder.path().to_path_buf()),
                 expected: formats.layouts(),
             }
         };
         return Err(DatasetError::new(root.path(), kind));
     }
+    if let [one] = &finds.sequences[..]
+        && one.format.is_none()
+        && one.folder.path() == root.path()
+        && let Some(whole) = frames_of(root, formats)?
+    {
+        let kind = DatasetErrorKind::FramesOfSequence { whole };
+        return Err(DatasetError::new(root.path(), kind));
+    }
     Ok(finds)
+}
+
+/// The folder around `folder` if it is a sequence whose frames lie in `folder`.
+fn frames_of(folder: &Folder, formats: &Formats) -> Result<Option<PathBuf>, DatasetError> {
+    let Some(around) = folder.parent() else {
+        return Ok(None);
+    };
+    let Some((_, found)) = formats.recognise(&Place::new(&around)?)? else {
+        return Ok(None);
+    };
+    let mut frames = found.iter().flat_map(|sequence| &sequence.frames);
+    let name = |path: &Path| {
+        path.parent()?
+            .file_name()
+            .map(|n| n.to_string_lossy().into_owned())
+    };
+    let inside = frames.any(|frame| name(frame.path()).as_deref() == Some(folder.name()));
+    Ok(inside.then(|| around.path().to_path_buf()))
 }
 
 struct Walk<'a> {
@@ -97,6 +141,8 @@ impl Walk<'_> {
             for inner in self.new_folders(&place) {
                 self.visit(inner, folder.name(), depth + 1)?;
             }
+        } else if place.images().is_empty() {
+            self.finds.deeper.extend_from_slice(place.folders());
         }
         let frames = place.images();
         if self.finds.sequences.len() == before && !frames.is_empty() {
@@ -126,6 +172,7 @@ impl Walk<'_> {
             Some(DeadLink {
                 dataset: dataset.to_owned(),
                 name: name.unwrap_or(link.name()).to_owned(),
+                in_sequence: name.is_some(),
                 fault: link.fault()?,
             })
         });

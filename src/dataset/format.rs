@@ -5,6 +5,7 @@
 //! numbers in [`rows`](super::rows), dense truth in `groundtruth_grid.csv`, tags in `tags.txt` and `meta.json` (these
 //! two are read whatever the format). Depends on `geom` and on where files come from.
 
+mod apart;
 mod folder;
 mod homographies;
 mod mtf_text;
@@ -13,7 +14,9 @@ mod vot;
 
 use super::annotation::{Annotations, Location};
 use super::decode::is_image_name;
+use super::order::sort_frames;
 use super::storage::{File, Folder, Listing};
+use super::text;
 use super::{DatasetError, DatasetErrorKind};
 use std::borrow::Cow;
 use std::path::Path;
@@ -48,13 +51,19 @@ pub trait Format: Send + Sync {
     /// [`recognise`](Self::recognise) gave them. What is wrong with a frame goes to `annotations`.
     ///
     /// # Errors
-    /// The fault that made it impossible to go on. What was read until then is kept.
+    /// The fault that made it impossible to go on: such a sequence is not used.
     fn read(
         &self,
         sequence: &Found,
         truth: &[TruthFile],
         annotations: &mut Annotations,
     ) -> Result<(), DatasetError>;
+
+    /// What is not certain about how `sequence`, which lies in `place`, was read.
+    fn doubt(&self, place: &Place, sequence: &Found, annotations: &Annotations) -> Option<DatasetError> {
+        let _ = (place, sequence, annotations);
+        None
+    }
 }
 
 /// A sequence that a format has found: where its parts lie.
@@ -96,6 +105,7 @@ impl Formats {
             Arc::new(otb::Otb),
             Arc::new(mtf_text::MtfText),
             Arc::new(homographies::Homographies),
+            Arc::new(apart::Apart),
         ])
     }
 
@@ -192,12 +202,25 @@ impl Place {
         self.folder.file_beside(suffix)
     }
 
+    /// The first of the files `names`, each a path in one of the folders `folders`, which lie beside the folder or beside the
+    /// ones around it, up to `levels` of these.
+    pub fn file_around(&self, levels: usize, folders: &[&str], names: &[String]) -> Option<File> {
+        let around = std::iter::successors(self.folder.parent(), Folder::parent);
+        let paths = || {
+            folders
+                .iter()
+                .flat_map(|folder| names.iter().map(move |name| Path::new(folder).join(name)))
+        };
+        let first = |around: Folder| paths().find_map(|path| around.file_below(&path));
+        around.take(levels).find_map(first)
+    }
+
     /// Links in it that lead nowhere and are not called like images.
     pub(super) fn dead_links(&self) -> &[File] {
         &self.listing.dead
     }
 
-    /// The image files in it, in natural order of names.
+    /// The image files in it, in natural order of names, decimal numbers by their values.
     pub fn images(&self) -> Vec<File> {
         images(self.files())
     }
@@ -233,7 +256,9 @@ impl Place {
 
 fn images(files: &[File]) -> Vec<File> {
     let images = files.iter().filter(|file| is_image_name(file.name()));
-    images.cloned().collect()
+    let mut images: Vec<File> = images.cloned().collect();
+    sort_frames(&mut images, File::name);
+    images
 }
 
 impl TruthFile {
@@ -267,13 +292,12 @@ impl TruthFile {
         &self.bytes
     }
 
-    /// Its content as text, without a byte order mark.
+    /// Its content as text: UTF-8, UTF-16 or Latin-1, without byte order mark, blanks at its end and Ctrl-Z.
     ///
     /// # Errors
-    /// It is not UTF-8.
-    pub fn text(&self) -> Result<&str, DatasetError> {
-        let text = std::str::from_utf8(&self.bytes).map_err(|_| self.fault(DatasetErrorKind::NotText))?;
-        Ok(text.trim_start_matches('\u{feff}'))
+    /// It is no text.
+    pub fn text(&self) -> Result<Cow<'_, str>, DatasetError> {
+        text::decode(&self.bytes).ok_or_else(|| self.fault(DatasetErrorKind::NotText))
     }
 
     /// The whole of it, as the place of what it says.

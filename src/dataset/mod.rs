@@ -4,6 +4,7 @@
 //! A new format is one file in `format/` and one line in [`Formats::builtin`]; programs add their own. Depends on `geom`
 //! and `image` of the tracking library.
 
+mod absence;
 mod annotation;
 mod check;
 mod decode;
@@ -11,12 +12,17 @@ mod dense;
 mod error;
 mod find;
 mod format;
+mod matching;
+mod names;
 mod open;
 mod order;
+mod reading;
 pub mod rows;
 mod sequence;
 mod storage;
+mod suspect;
 mod tags;
+mod text;
 
 #[cfg(test)]
 mod tests;
@@ -28,6 +34,7 @@ pub use dense::DENSE_FILE;
 pub use error::{DatasetError, DatasetErrorKind};
 pub use format::{Description, Format, Formats, Found, Place, TruthFile};
 pub use order::natural;
+pub use reading::{BoxForm, Origin, Reading, TruthRows};
 pub use sequence::Sequence;
 pub use storage::{File, Folder};
 
@@ -51,8 +58,21 @@ pub struct Dataset {
     pub sequences: Vec<Sequence>,
     /// Sequences that [`load_where`] was not to open.
     pub unwanted: usize,
-    /// What [`OnBadData::Skip`] left out; empty under [`OnBadData::Fail`].
-    pub skipped: Vec<Fault>,
+    /// Sequences that [`OnBadData::Skip`] left out, each with its reasons; empty under [`OnBadData::Fail`].
+    pub left_out: Vec<LeftOut>,
+    /// What is to know about the folder as a whole. About a sequence see [`Sequence::notes`].
+    pub notes: Vec<Fault>,
+}
+
+/// A sequence that is not part of the dataset because its data is faulty.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeftOut {
+    /// Name of the dataset that it belongs to.
+    pub dataset: String,
+    /// Its name.
+    pub sequence: String,
+    /// Why: at least one error.
+    pub reasons: Vec<Fault>,
 }
 
 /// What is known of a sequence before it is opened.
@@ -72,8 +92,9 @@ pub enum OnBadData {
     /// The first fault is an error.
     #[default]
     Fail,
-    /// A faulty row leaves its frame without annotation; a sequence that cannot start is left out. An error only when
-    /// nothing is left.
+    /// A faulty row leaves its frame without annotation, which [`Sequence::notes`] say. Left out is a sequence that cannot
+    /// start, whose rows cannot be matched with its frames, or with a selected frame that cannot be read or has another
+    /// size; all selected frames are decoded to find out. An error only when nothing is left.
     Skip,
 }
 
@@ -84,7 +105,11 @@ pub struct LoadOptions {
     pub formats: Formats,
     /// What to do about faulty data.
     pub on_bad_data: OnBadData,
-    /// First frame, from 0.
+    /// How ground truth is read, in place of what its format usually has.
+    pub reading: Reading,
+    /// Refuse a start that lies partly outside the image.
+    pub strict: bool,
+    /// First frame, from 0; where it and those after it have no ground truth, the first that has.
     pub start: usize,
     /// Keep every `frame_gap`-th frame from `start` on, with its truth.
     pub frame_gap: usize,
@@ -98,6 +123,8 @@ impl Default for LoadOptions {
         LoadOptions {
             formats: Formats::builtin(),
             on_bad_data: OnBadData::Fail,
+            reading: Reading::default(),
+            strict: false,
             start: 0,
             frame_gap: 1,
             max_frames: None,
@@ -127,7 +154,8 @@ pub fn load_where(
         name,
         sequences: Vec::new(),
         unwanted: 0,
-        skipped: Vec::new(),
+        left_out: Vec::new(),
+        notes: found.too_deep().iter().map(Fault::warning).collect(),
     };
     for link in found.dead {
         let label = Label {
@@ -141,23 +169,37 @@ pub fn load_where(
         if options.on_bad_data == OnBadData::Fail {
             return Err(link.fault);
         }
-        dataset.skipped.push(Fault::from(&link.fault));
+        let fault = Fault::from(&link.fault);
+        if link.in_sequence {
+            dataset.notes.push(fault);
+        } else {
+            dataset.left_out.push(LeftOut {
+                dataset: link.dataset,
+                sequence: link.name,
+                reasons: vec![fault],
+            });
+        }
     }
     let mut last = None;
     for unread in found.sequences {
-        let draft = Draft::new(unread);
+        let draft = Draft::new(unread, options.reading);
         if !wanted(&draft.label()) {
             dataset.unwanted += 1;
             continue;
         }
-        let mut faults = Vec::new();
-        let sequence = open(draft, options, &mut faults);
-        if options.on_bad_data == OnBadData::Fail && !faults.is_empty() {
-            return Err(faults.swap_remove(0));
+        let (of, sequence) = (draft.unread.dataset.clone(), draft.unread.parts.name.clone());
+        match (open(draft, options), options.on_bad_data) {
+            (Ok(sequence), _) => dataset.sequences.push(sequence),
+            (Err(mut faults), OnBadData::Fail) => return Err(faults.swap_remove(0)),
+            (Err(mut faults), OnBadData::Skip) => {
+                dataset.left_out.push(LeftOut {
+                    dataset: of,
+                    sequence,
+                    reasons: Fault::all(&faults, Severity::Error),
+                });
+                last = faults.pop();
+            }
         }
-        dataset.skipped.extend(faults.iter().map(Fault::from));
-        last = faults.pop().or(last);
-        dataset.sequences.extend(sequence);
     }
     match last {
         Some(fault) if dataset.sequences.is_empty() => Err(fault),
@@ -170,40 +212,46 @@ pub fn builtin() -> Result<Dataset, DatasetError> {
     load(Path::new(BUILTIN), &LoadOptions::default())
 }
 
-/// The selected frames of a sequence, if tracking can start on them; everything wrong goes to `faults`.
-fn open(mut draft: Draft, options: &LoadOptions, faults: &mut Vec<DatasetError>) -> Option<Sequence> {
-    faults.append(&mut draft.fatal);
-    if !faults.is_empty() {
-        return None;
+/// The selected frames of a sequence; else why it cannot be used: one fault or more.
+fn open(mut draft: Draft, options: &LoadOptions) -> Result<Sequence, Vec<DatasetError>> {
+    if !draft.fatal.is_empty() {
+        return Err(draft.fatal);
     }
-    let size = match draft.first_size() {
-        Ok(size) => size,
-        Err(e) => {
-            faults.push(e);
-            return None;
-        }
-    };
-    faults.append(&mut draft.annotations.faults);
+    let mut faults = std::mem::take(&mut draft.annotations.faults);
     // Known from the folder alone; all else about frames shows when they are read.
     faults.extend(draft.unread.parts.frames.iter().filter_map(File::fault));
-    let frames = draft.unread.parts.frames.len();
-    if options.start >= frames || options.max_frames == Some(0) {
-        let kind = DatasetErrorKind::NothingSelected {
-            start: options.start,
-            frames,
-        };
-        faults.push(DatasetError::new(draft.unread.folder.path(), kind));
-        return None;
+    let fail = |faults: Vec<DatasetError>, fault| Err(faults.into_iter().chain([fault]).collect());
+    let size = match draft.first_size() {
+        Ok(size) => size,
+        Err(fault) => return fail(faults, fault),
+    };
+    if let Some(fault) = draft.selection_fault(options) {
+        return fail(faults, fault);
     }
-    if let Some(fault) = draft.start_fault(options.start, size) {
-        faults.push(fault);
-        return None;
+    let start = draft.start(options.start, &faults);
+    if let Some(fault) = draft.start_fault(start, size) {
+        return fail(faults, fault);
     }
+    draft.late_start(options.start, start);
+    let skip = options.on_bad_data == OnBadData::Skip;
+    if !(skip || faults.is_empty()) {
+        return Err(faults);
+    }
+    let outside = draft.start_outside(start, size);
+    match outside {
+        Some(fault) if options.strict => return fail(faults, fault),
+        outside => draft.warnings.extend(outside),
+    }
+    draft.warnings.extend(draft.suspects(size));
     let selected = draft
-        .into_sequence(size)
-        .from_frame(options.start)
-        .with_gap(options.frame_gap);
-    Some(selected.truncated(options.max_frames.unwrap_or(usize::MAX)))
+        .into_sequence(size, &faults)
+        .from_frame(start)
+        .with_gap(options.frame_gap)
+        .truncated(options.max_frames.unwrap_or(usize::MAX));
+    match skip.then(|| selected.unreadable()).flatten() {
+        Some(fault) => Err(vec![fault]),
+        None => Ok(selected),
+    }
 }
 
 /// The folder that `path` stands for.

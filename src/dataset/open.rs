@@ -1,12 +1,40 @@
 //! From a found sequence to an opened one, collecting every fault on the way.
 
-use super::annotation::Annotations;
+use super::annotation::{Annotations, Location};
 use super::decode::dimensions;
 use super::find::Unread;
-use super::format::TruthFile;
+use super::format::{Place, TruthFile};
+use super::reading::Reading;
 use super::sequence::{Sequence, Whole};
-use super::{DatasetError, DatasetErrorKind, Label, dense, tags};
+use super::storage::File;
+use super::suspect::Truth;
+use super::{
+    DatasetError, DatasetErrorKind, Fault, Label, LoadOptions, Severity, absence, dense, order, tags,
+};
+use mtf::geom::{Corners, polygon};
 use sha2::{Digest, Sha256};
+
+/// Least part of the initial quadrilateral that lies in the image, px²: a pixel.
+const LEAST_INSIDE: f64 = 1.0;
+
+/// Whether all corners lie in an image of `size`.
+fn is_inside(corners: &Corners, (width, height): (usize, usize)) -> bool {
+    let inside = |v: f64, n: usize| (-0.5..=n as f64 - 0.5).contains(&v);
+    corners
+        .0
+        .iter()
+        .all(|&[x, y]| inside(x, width) && inside(y, height))
+}
+
+/// Area of the part of a quadrilateral in an image of `size`, px².
+fn area_inside(corners: &Corners, (width, height): (usize, usize)) -> f64 {
+    let image = Corners::rect(-0.5, -0.5, width as f64, height as f64);
+    let mut corners = corners.0;
+    if polygon::signed_area(&corners) < 0.0 {
+        corners.reverse();
+    }
+    polygon::signed_area(&polygon::clip_convex(&corners, &image.0))
+}
 
 /// A sequence whose annotations are read; no image has been decoded.
 pub(super) struct Draft {
@@ -20,12 +48,16 @@ pub(super) struct Draft {
 }
 
 impl Draft {
-    /// Reads ground truth and tags.
-    pub fn new(unread: Unread) -> Draft {
+    /// Reads ground truth and tags. `asked` goes before what the sequence's metadata say.
+    pub fn new(unread: Unread, asked: Reading) -> Draft {
         let (mut fatal, mut warnings) = (Vec::new(), Vec::new());
         let (parts, folder) = (&unread.parts, &unread.folder);
         let mut truth_digest = [0; 32];
         let mut annotations = Annotations::new(parts.frames.len());
+        match tags::reading(folder) {
+            Ok(meta) => annotations.asked = asked.or(meta),
+            Err(e) => fatal.push(e),
+        }
         match (&unread.format, &parts.truth[..]) {
             (None, _) | (_, []) => {
                 fatal.push(DatasetError::new(folder.path(), DatasetErrorKind::NoGroundTruth));
@@ -39,13 +71,37 @@ impl Draft {
                     let mut hasher = Sha256::new();
                     truth.iter().for_each(|file| hasher.update(file.bytes()));
                     truth_digest = hasher.finalize().into();
-                    let read = format.read(parts, &truth, &mut annotations);
-                    annotations.faults.extend(read.err());
+                    fatal.extend(format.read(parts, &truth, &mut annotations).err());
+                    let before = annotations.faults.len();
+                    match Place::new(folder) {
+                        Ok(place) => {
+                            absence::read(place.files(), &parts.name, &mut annotations);
+                            warnings.extend(format.doubt(&place, parts, &annotations));
+                        }
+                        Err(e) => fatal.push(e),
+                    }
+                    // Beside the ground truth, where that is not in the folder.
+                    let flags = format!("{}_flag.txt", parts.name);
+                    let apart = parts
+                        .truth
+                        .first()
+                        .filter(|t| t.path().parent() != Some(folder.path()));
+                    let flags = apart.and_then(|truth| truth.beside(&flags));
+                    let flags = flags.or_else(|| folder.file_beside("_flag.txt"));
+                    absence::read(&flags, &parts.name, &mut annotations);
+                    // Without them frames would count in which the object cannot be seen.
+                    fatal.extend(annotations.faults.drain(before..));
                 }
             },
         }
         fatal.extend(dense::read(folder, &parts.frames, &mut annotations).err());
         warnings.extend(tags::read(folder, &mut annotations).err());
+        let names: Vec<&str> = parts.frames.iter().map(File::name).collect();
+        warnings.extend(order::doubtful(&names).map(|(first, second)| {
+            let (first, second) = (first.to_owned(), second.to_owned());
+            DatasetError::new(folder.path(), DatasetErrorKind::DecimalNames { first, second })
+        }));
+        warnings.append(&mut annotations.warnings);
         Draft {
             unread,
             annotations,
@@ -64,22 +120,76 @@ impl Draft {
         }
     }
 
-    /// Why tracking cannot start at frame `start` of a sequence of `size`: no corners there, or some outside the image.
+    /// Where tracking starts at the earliest: the first frame from `from` on with corners, unless a frame before it lacks
+    /// them for a fault.
+    pub fn start(&self, from: usize, faults: &[DatasetError]) -> usize {
+        let frames = &self.annotations.frames;
+        let is_faulty = |at: &Location| {
+            let here = |f: &DatasetError| f.line.is_some() && f.path == at.path && f.line == at.line;
+            faults.iter().any(here)
+        };
+        let is_start = |i: &usize| {
+            let annotation = &frames[*i];
+            annotation.corners().is_some() || annotation.location.as_ref().is_some_and(is_faulty)
+        };
+        (from..frames.len()).find(is_start).unwrap_or(from)
+    }
+
+    /// A warning that the frames from `from` to before `start` have no ground truth.
+    pub fn late_start(&mut self, from: usize, start: usize) {
+        if start > from {
+            let parts = &self.unread.parts;
+            let frame = parts.frames[start].name().to_owned();
+            let path = parts.truth.first().map_or(self.unread.folder.path(), File::path);
+            let kind = DatasetErrorKind::LateStart { frame };
+            self.warnings.push(DatasetError::new(path, kind));
+        }
+    }
+
+    /// Why tracking cannot start at frame `start` of a sequence of `size`: no corners there, or none of it in the image.
     pub fn start_fault(&self, start: usize, size: (usize, usize)) -> Option<DatasetError> {
         let annotation = self.annotations.frames.get(start)?;
         let (width, height) = size;
-        let inside = |v: f64, n: usize| (-0.5..=n as f64 - 0.5).contains(&v);
         let kind = match annotation.corners() {
             None => DatasetErrorKind::NoInitialTruth {
                 frame: self.unread.parts.frames[start].name().into(),
             },
-            Some(c) if c.0.iter().all(|&[x, y]| inside(x, width) && inside(y, height)) => return None,
-            Some(_) => DatasetErrorKind::InitialOutside { width, height },
+            Some(corners) if !is_inside(&corners, size) && area_inside(&corners, size) < LEAST_INSIDE => {
+                DatasetErrorKind::InitialAway { width, height }
+            }
+            Some(_) => return None,
         };
-        Some(match &annotation.location {
+        self.about_start(start, kind)
+    }
+
+    /// That a part of frame `start`'s quadrilateral lies outside an image of `size`.
+    pub fn start_outside(&self, start: usize, size: (usize, usize)) -> Option<DatasetError> {
+        let corners = self.annotations.frames.get(start)?.corners()?;
+        let (width, height) = size;
+        match is_inside(&corners, size) {
+            true => None,
+            false => self.about_start(start, DatasetErrorKind::InitialOutside { width, height }),
+        }
+    }
+
+    fn about_start(&self, start: usize, kind: DatasetErrorKind) -> Option<DatasetError> {
+        Some(match &self.annotations.frames[start].location {
             Some(location) => location.fault(kind),
             None => DatasetError::new(self.unread.parts.truth.first()?.path(), kind),
         })
+    }
+
+    /// What looks wrong about the ground truth of images of `size`.
+    pub fn suspects(&self, size: (usize, usize)) -> Vec<DatasetError> {
+        let annotations = &self.annotations;
+        let truth = Truth {
+            frames: &annotations.frames,
+            names: self.unread.parts.frames.iter().map(|f| f.name()).collect(),
+            size,
+            origin: annotations.origin,
+            usual_boxes: annotations.boxes.is_some() && annotations.asked.boxes.is_none(),
+        };
+        truth.warnings()
     }
 
     /// Size of the first frame, from its header.
@@ -93,9 +203,19 @@ impl Draft {
         dimensions(&file.read()?).map_err(|e| DatasetError::new(file.path(), e.into()))
     }
 
-    /// The sequence, with what is valid of its ground truth.
-    pub fn into_sequence(self, (width, height): (usize, usize)) -> Sequence {
+    /// Why the selection leaves no frame.
+    pub fn selection_fault(&self, options: &LoadOptions) -> Option<DatasetError> {
+        let (start, frames) = (options.start, self.unread.parts.frames.len());
+        let nothing = start >= frames || options.max_frames == Some(0);
+        let kind = DatasetErrorKind::NothingSelected { start, frames };
+        nothing.then(|| DatasetError::new(self.unread.folder.path(), kind))
+    }
+
+    /// The sequence, with what is valid of its ground truth; it notes the warnings and what is `left_out` of it.
+    pub fn into_sequence(self, (width, height): (usize, usize), left_out: &[DatasetError]) -> Sequence {
         let parts = self.unread.parts;
+        let mut notes = Fault::all(left_out, Severity::Error);
+        notes.extend(Fault::all(&self.warnings, Severity::Warning));
         let contents = vec![Default::default(); parts.frames.len()];
         Sequence::new(Whole {
             dataset: self.unread.dataset,
@@ -106,9 +226,12 @@ impl Draft {
             annotations: self.annotations.frames,
             truth_digest: self.truth_digest,
             tags: self.annotations.tags,
+            origin: self.annotations.origin,
+            boxes: self.annotations.boxes,
             width,
             height,
             contents,
+            notes,
             decoded: Default::default(),
         })
     }

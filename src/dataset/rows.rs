@@ -1,14 +1,23 @@
 //! Ground truth in rows of numbers: a row per frame, in the order of frames or after the frame's name.
 //!
 //! What the numbers of a row mean is a [`RowKind`]; a format names those that its files may have. Numbers are separated by
-//! blanks, tabs, commas or semicolons; empty lines and lines that begin with `#` are skipped, and so is a header.
+//! blanks, tabs, commas, semicolons, brackets or marks of quotation; lines that begin with `#`, `%` or `//` are
+//! skipped, and so is a header. A row of separators alone leaves its frame without annotation; so does a blank line, where
+//! frames and rows are as many only with it. All numbers NaN, 0 or -1, or a word such as `absent`, say that the object cannot
+//! be seen.
 
 use super::annotation::{Annotations, Region};
 use super::format::TruthFile;
+use super::matching::{self, Line};
+use super::names::FrameNames;
+use super::reading::{BoxForm, Origin};
 use super::storage::File;
+use super::text::{self, is_number};
 use super::{DatasetError, DatasetErrorKind};
 use mtf::geom::Corners;
 use std::collections::BTreeMap;
+
+pub use super::text::words;
 
 /// What a row of numbers holds and means.
 #[derive(Clone, Copy, Debug)]
@@ -17,38 +26,53 @@ pub struct RowKind {
     pub about: &'static str,
     /// The first column names the frame; otherwise rows follow the order of frames.
     pub named: bool,
-    /// Numbers in a row.
-    pub numbers: usize,
-    /// Corners in px, pixel centres at integers, from that many numbers.
-    pub corners: fn(&[f64]) -> Corners,
+    /// What the numbers are.
+    pub shape: Shape,
+    /// Where the first pixel is, unless something else is asked for.
+    pub origin: Origin,
 }
 
-/// From the corner of a pixel, where some formats have their origin, to its centre, px.
-pub const PIXEL_CORNER: f64 = -0.5;
+/// What the numbers of a row are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// Four corners: `ulx uly urx ury lrx lry llx lly`.
+    Quad,
+    /// A box.
+    Box(BoxForm),
+}
+
+impl RowKind {
+    /// Numbers in a row.
+    fn numbers(&self) -> usize {
+        match self.shape {
+            Shape::Quad => 8,
+            Shape::Box(_) => 4,
+        }
+    }
+
+    /// Corners in px, pixel centres at integers, of that many numbers.
+    fn corners(&self, numbers: &[f64]) -> Corners {
+        match self.shape {
+            Shape::Quad => self.origin.corners(numbers),
+            Shape::Box(form) => form.corners(numbers, self.origin),
+        }
+    }
+}
 
 /// `ulx uly urx ury lrx lry llx lly`, pixel centres at integers.
 pub const CORNERS: RowKind = RowKind {
     about: "8 corner coordinates (UL UR LR LL)",
     named: false,
-    numbers: 8,
-    corners: |v| Corners([[v[0], v[1]], [v[2], v[3]], [v[4], v[5]], [v[6], v[7]]]),
+    shape: Shape::Quad,
+    origin: Origin::CENTRE,
 };
 
 /// `x y width height`, the origin at the corner of the first pixel.
 pub const BOX: RowKind = RowKind {
     about: "a box of 4 (x y w h)",
     named: false,
-    numbers: 4,
-    // A negative extent is no extent: such a box has zero area. NaN stays NaN.
-    corners: |v| {
-        let extent = |e: f64| if e < 0.0 { 0.0 } else { e };
-        Corners::rect(
-            v[0] + PIXEL_CORNER,
-            v[1] + PIXEL_CORNER,
-            extent(v[2]),
-            extent(v[3]),
-        )
-    },
+    shape: Shape::Box(BoxForm::Xywh),
+    origin: Origin::CORNER,
 };
 
 /// The name of the frame, then its corners as in [`CORNERS`]. A word in place of the numbers (`tracker_failed`) leaves the
@@ -59,27 +83,111 @@ pub const NAMED_CORNERS: RowKind = RowKind {
     ..CORNERS
 };
 
-/// The kinds that can be told apart by how many numbers they have and whether a name comes first.
-pub const ANY: &[RowKind] = &[CORNERS, BOX, NAMED_CORNERS];
+/// The name of the frame, then its box as in [`BOX`].
+pub const NAMED_BOX: RowKind = RowKind {
+    about: "a frame name and a box",
+    named: true,
+    ..BOX
+};
 
+/// The kinds that can be told apart by how many numbers they have and whether a name comes first.
+pub const ANY: &[RowKind] = &[CORNERS, BOX, NAMED_CORNERS, NAMED_BOX];
+
+/// Words in place of numbers that say that the object cannot be seen.
+const ABSENT: [&str; 14] = [
+    "absent",
+    "none",
+    "null",
+    "na",
+    "n/a",
+    "-",
+    "invisible",
+    "occluded",
+    "full_occlusion",
+    "fully_occluded",
+    "out_of_view",
+    "out-of-view",
+    "outofview",
+    "disappeared",
+];
+
+/// Words in place of numbers, where no name comes first, that say that nothing is known of the frame.
+const UNANNOTATED: [&str; 4] = ["unannotated", "unknown", "tracker_failed", "not_annotated"];
+
+fn is_one_of(word: &str, words: &[&str]) -> bool {
+    words.iter().any(|w| w.eq_ignore_ascii_case(word))
+}
+
+/// A line that is no comment.
 struct Row<'a> {
     line: usize,
+    text: &'a str,
     words: Vec<&'a str>,
+    /// The first number counts frames.
+    indexed: bool,
+    /// The first word is the name of a frame that is there.
+    known: bool,
 }
 
-impl Row<'_> {
+impl<'a> Row<'a> {
+    fn new(text: &'a str, line: usize, names: &FrameNames<'_>) -> Self {
+        let mut row = Row {
+            line,
+            text,
+            words: text::row(text),
+            indexed: false,
+            known: false,
+        };
+        if row.words.first().is_some_and(|word| !is_number(word)) {
+            // A name may have blanks in it, and parts that look like numbers.
+            let is_name = |words: &usize| names.find(row.first(*words)).is_ok();
+            if let Some(count) = (1..=row.words.len()).rev().find(is_name) {
+                let name = row.first(count);
+                row.words.splice(..count, [name]);
+                row.known = true;
+            }
+        }
+        row
+    }
+
+    /// The text of the first `words` words.
+    fn first(&self, words: usize) -> &'a str {
+        let begin = self.text.as_ptr() as usize;
+        let word = |k: usize| (self.words[k].as_ptr() as usize - begin, self.words[k].len());
+        let (from, (to, length)) = (word(0).0, word(words - 1));
+        &self.text[from..to + length]
+    }
+    fn is_comment(&self) -> bool {
+        let text = self.text.trim_start();
+        text.starts_with(['#', '%']) || text.starts_with("//")
+    }
     fn has_number(&self) -> bool {
-        self.words.iter().any(|w| w.parse::<f64>().is_ok())
+        self.words.iter().any(|w| is_number(w))
     }
     fn starts_with_name(&self) -> bool {
-        self.words[0].parse::<f64>().is_err()
+        self.indexed || !is_number(self.words[0])
+    }
+    /// A word that is known to stand in place of numbers.
+    fn speaks(&self) -> bool {
+        let known = |w: &&str| is_one_of(w, &ABSENT) || is_one_of(w, &UNANNOTATED);
+        self.words.iter().all(known)
+    }
+    /// Separators stand where numbers should.
+    fn ends_empty(&self) -> bool {
+        self.text.trim_end().ends_with([',', ';'])
     }
 }
 
-/// The words of a text between blanks, tabs, commas, semicolons and ends of lines.
-pub fn words(text: &str) -> impl Iterator<Item = &str> {
-    text.split([' ', '\t', ',', ';', '\r', '\n'])
-        .filter(|word| !word.is_empty())
+impl Line for &Row<'_> {
+    fn number(&self) -> usize {
+        self.line
+    }
+    fn is_empty(&self) -> bool {
+        self.words.is_empty()
+    }
+    fn is_blank(&self) -> bool {
+        self.text.trim().is_empty()
+    }
 }
 
 /// The numbers that `words` spell.
@@ -105,46 +213,95 @@ pub fn numbers(words: &[&str], expected: usize) -> Result<Vec<f64>, DatasetError
 
 /// Reads the rows of `file` as annotations of `frames`, each with its index: `enumerate()` of all frames, or `.step_by(2)`
 /// of that when every second frame has a row. Most rows tell which of `kinds` they are; of several that fit, the first is
-/// taken. Rows and frames that do not match are faults.
+/// taken. Faulty rows, and rows and frames that lack their counterpart, are faults.
 ///
 /// # Errors
-/// No text, no rows, or rows of no kind.
+/// No text, no rows, rows of no kind, or rows that cannot be matched with frames.
 pub fn read<'a>(
     file: &TruthFile,
     kinds: &[RowKind],
     frames: impl IntoIterator<Item = (usize, &'a File)>,
     annotations: &mut Annotations,
 ) -> Result<(), DatasetError> {
-    let mut rows: Vec<Row<'_>> = file
-        .text()?
-        .lines()
+    let (indices, frames): (Vec<usize>, Vec<&str>) = frames.into_iter().map(|(i, f)| (i, f.name())).unzip();
+    let names = FrameNames::new(frames.iter().copied());
+    let text = file.text()?;
+    let mut rows: Vec<Row<'_>> = text::lines(&text)
         .zip(1..)
-        .map(|(text, line)| Row {
-            line,
-            words: words(text).collect(),
-        })
-        .filter(|row| !row.words.is_empty() && !row.words[0].starts_with('#'))
+        .map(|(text, line)| Row::new(text, line, &names))
+        .filter(|row| !row.is_comment())
         .collect();
+    find_index(&mut rows, kinds);
     let kind = choose(&rows, kinds).map_err(|(line, kind)| match line {
         Some(line) => file.at_line(line).fault(kind),
         None => file.fault(kind),
     })?;
-    if is_header(&rows[0], kind) {
-        rows.remove(0);
+    if let Some(first) = rows.iter().position(|row| !row.words.is_empty())
+        && is_header(&rows[first], kind)
+    {
+        rows.drain(..=first);
     }
-    let frames: Vec<(usize, &str)> = frames.into_iter().map(|(i, f)| (i, f.name())).collect();
+    let kind = &as_asked(kind, annotations);
     if kind.named {
-        match_by_name(&rows, kind, file, &frames, annotations);
-    } else {
-        match_by_order(&rows, kind, file, &frames, annotations);
+        match_by_name(&rows, kind, file, &indices, &names, annotations);
+        return Ok(());
     }
+    let rows: Vec<&Row<'_>> = rows.iter().collect();
+    let placed = matching::in_order(&rows, file, &frames, annotations)?;
+    for (row, frame) in &placed {
+        let Some(frame) = frame else { continue };
+        let said = match row.words.is_empty() {
+            true => Ok(Region::Unknown),
+            false => region(&row.words, kind),
+        };
+        annotations.set(indices[*frame], file.at_line(row.line), said);
+    }
+    annotations.rows = placed
+        .iter()
+        .map(|(_, frame)| frame.map(|i| indices[i]))
+        .collect();
     Ok(())
 }
 
-/// The first row is a header: it has no numbers and names no frame.
+/// `kind` with what is asked for in place of the usual; notes in `annotations` how the rows are read.
+fn as_asked(kind: &RowKind, annotations: &mut Annotations) -> RowKind {
+    let (asked, mut kind) = (annotations.asked, *kind);
+    kind.origin = asked.origin.unwrap_or(kind.origin);
+    if let Shape::Box(form) = &mut kind.shape {
+        *form = asked.boxes.unwrap_or(*form);
+        annotations.boxes = Some(*form);
+    }
+    annotations.origin = kind.origin;
+    kind
+}
+
+/// Notes a first column that counts frames: whole numbers that grow from row to row, in front of as many numbers as one of
+/// the named `kinds` has.
+fn find_index(rows: &mut [Row<'_>], kinds: &[RowKind]) {
+    let is_named = |count: usize| kinds.iter().any(|k| k.named && k.numbers() + 1 == count);
+    let is_plain = |count: usize| kinds.iter().any(|k| !k.named && k.numbers() == count);
+    let index = |row: &&mut Row<'_>| row.words[0].parse::<u64>().ok();
+    let mut rows: Vec<&mut Row<'_>> = rows.iter_mut().filter(|row| !row.words.is_empty()).collect();
+    let header = usize::from(rows.first().is_some_and(|row| !row.has_number()));
+    let Some(rows) = rows.get_mut(header..).filter(|rows| !rows.is_empty()) else {
+        return;
+    };
+    let numbers = rows
+        .iter()
+        .filter(|row| row.has_number())
+        .map(|row| row.words.len());
+    let fits = |count| is_named(count) && !is_plain(count);
+    let (all, fitting) = numbers.fold((0, 0), |(all, n), count| (all + 1, n + usize::from(fits(count))));
+    let grows = rows.is_sorted_by(|a, b| index(a).is_some() && index(a) < index(b));
+    if 2 * fitting > all && grows && index(&rows[0]).is_some() {
+        rows.iter_mut().for_each(|row| row.indexed = true);
+    }
+}
+
+/// The first row is a header: it has no numbers, names no frame and is no word that stands in place of numbers.
 fn is_header(row: &Row<'_>, kind: &RowKind) -> bool {
-    let names_frame = row.words[0].contains(|c: char| c.is_ascii_digit());
-    !(row.has_number() || kind.named && names_frame)
+    let names_frame = row.known || row.words[0].contains(|c: char| c.is_ascii_digit());
+    !(row.has_number() || row.speaks() || kind.named && names_frame)
 }
 
 /// The first kind that most rows fit; else why there is none, and the line that shows it.
@@ -166,7 +323,7 @@ fn choose<'a>(
     let Some((&(named, numbers), &(_, line))) = most else {
         return Err((None, DatasetErrorKind::NoRows));
     };
-    let fits = |kind: &&RowKind| kind.named == named && kind.numbers == numbers;
+    let fits = |kind: &&RowKind| kind.named == named && kind.numbers() == numbers;
     kinds.iter().find(fits).ok_or_else(|| {
         let about: Vec<&str> = kinds.iter().map(|kind| kind.about).collect();
         let expected = match &about[..] {
@@ -177,55 +334,54 @@ fn choose<'a>(
     })
 }
 
+/// What the words of a row, without a name, say.
 fn region(words: &[&str], kind: &RowKind) -> Result<Region, DatasetErrorKind> {
-    let numbers = numbers(words, kind.numbers)?;
-    Ok(Region::Corners((kind.corners)(&numbers)))
-}
-
-fn match_by_order(
-    rows: &[Row<'_>],
-    kind: &RowKind,
-    file: &TruthFile,
-    frames: &[(usize, &str)],
-    annotations: &mut Annotations,
-) {
-    for (row, &(i, _)) in rows.iter().zip(frames) {
-        annotations.set(i, file.at_line(row.line), region(&row.words, kind));
+    let all = |holds: &dyn Fn(&str) -> bool| !words.is_empty() && words.iter().all(|word| holds(word));
+    if all(&|word| is_one_of(word, &ABSENT)) {
+        return Ok(Region::Absent);
     }
-    let counts = (rows.len(), frames.len());
-    if let Some(row) = rows.get(frames.len()) {
-        annotations.fault(file.at_line(row.line).fault(DatasetErrorKind::MoreRows {
-            rows: counts.0,
-            frames: counts.1,
-        }));
-    } else if let (Some((_, frame)), Some(last)) = (frames.get(rows.len()), rows.last()) {
-        annotations.fault(file.at_line(last.line).fault(DatasetErrorKind::FewerRows {
-            rows: counts.0,
-            frames: counts.1,
-            frame: frame.to_string(),
-        }));
+    // After a name, any word says that it is not known: `tracker_failed`.
+    if all(&|word| is_one_of(word, &UNANNOTATED)) || kind.named && all(&|word| !is_number(word)) {
+        return Ok(Region::Unknown);
     }
+    let numbers = numbers(words, kind.numbers())?;
+    let nowhere = |n: &f64| n.is_nan() || [0.0, -1.0].contains(n);
+    let same = |n: &f64| *n == numbers[0] || n.is_nan() && numbers[0].is_nan();
+    if numbers.iter().all(|n| nowhere(n) && same(n)) {
+        return Ok(Region::Absent);
+    }
+    Ok(Region::Corners(kind.corners(&numbers)))
 }
 
 fn match_by_name(
     rows: &[Row<'_>],
     kind: &RowKind,
     file: &TruthFile,
-    frames: &[(usize, &str)],
+    indices: &[usize],
+    names: &FrameNames<'_>,
     annotations: &mut Annotations,
 ) {
-    let stem = |name: &str| name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_string();
-    let by_name: BTreeMap<&str, usize> = frames.iter().map(|&(i, name)| (name, i)).collect();
-    let by_stem: BTreeMap<String, usize> = frames.iter().map(|&(i, name)| (stem(name), i)).collect();
-    for row in rows {
+    let rows: Vec<&Row<'_>> = rows.iter().filter(|row| !row.words.is_empty()).collect();
+    let counts: Option<Vec<u64>> = rows
+        .iter()
+        .map(|row| row.words[0].parse().ok().filter(|_| row.indexed))
+        .collect();
+    let counted = counts.map(|counts| matching::by_count(&counts, names));
+    for (k, row) in rows.iter().enumerate() {
         let (name, words) = (row.words[0], &row.words[1..]);
         let location = file.at_line(row.line);
-        // The extension may differ: ground truth outlives a conversion of the frames.
-        let Some(&i) = by_name.get(name).or_else(|| by_stem.get(&stem(name))) else {
-            annotations.fault(location.fault(DatasetErrorKind::UnknownFrame {
+        let found = match &counted {
+            Some(frames) => frames[k].ok_or_else(|| DatasetErrorKind::UnknownFrame {
                 frame: name.to_string(),
-            }));
-            continue;
+            }),
+            None => names.find(name),
+        };
+        let i = match found {
+            Ok(frame) => indices[frame],
+            Err(kind) => {
+                annotations.fault(location.fault(kind));
+                continue;
+            }
         };
         if annotations.is_set(i) {
             annotations.fault(location.fault(DatasetErrorKind::DuplicateRow {
@@ -233,16 +389,13 @@ fn match_by_name(
             }));
             continue;
         }
-        // A word such as `tracker_failed`: not annotated.
-        let only_words = !words.is_empty() && words.iter().all(|w| w.parse::<f64>().is_err());
-        let said = if only_words {
-            Ok(Region::Unknown)
-        } else {
-            region(words, kind)
+        let said = match words.is_empty() && row.ends_empty() {
+            true => Ok(Region::Unknown),
+            false => region(words, kind),
         };
         annotations.set(i, location, said);
     }
-    for &(i, frame) in frames {
+    for (&i, frame) in indices.iter().zip(names.names()) {
         if !annotations.is_set(i) {
             annotations.fault(file.fault(DatasetErrorKind::MissingRow {
                 frame: frame.to_string(),
@@ -317,7 +470,7 @@ mod tests {
         assert_eq!(corners(&truth), [Some(Corners::rect(10.0, 20.0, 30.0, 40.0))]);
         // Of two kinds that fit, the first is taken.
         let shifted = RowKind {
-            corners: |v| (CORNERS.corners)(v).translated(PIXEL_CORNER, PIXEL_CORNER),
+            origin: Origin::CORNER,
             ..CORNERS
         };
         let truth = read_as(QUAD.as_bytes(), &["a.png"], &[BOX, shifted, CORNERS]);
@@ -350,11 +503,13 @@ mod tests {
             ("1 2 3 4 5 6 7\n", "gt:2: 7 numbers instead of 8"),
             ("1 2 3 x 5 6 7 8\n", "gt:2: `x` is not a number"),
             ("1 2 3 nan 5 6 7 8\n", "gt:2: a coordinate is not finite"),
+            ("nan nan nan nan\n", "gt:2: 4 numbers instead of 8"),
+            ("gone\n", "gt:2: `gone` is not a number"),
             ("1 2 3 inf 5 6 7 8\n", "gt:2: a coordinate is not finite"),
             ("5 5 5 5 5 5 5 5\n", "gt:2: the quadrilateral has zero area"),
             ("0 0 5 5 9 9 7 7\n", "gt:2: the quadrilateral has zero area"),
             ("0 0 9 0 0 9 9 9\n", "gt:2: the quadrilateral is not convex"),
-            ("", "gt:2: 2 rows of ground truth for 3 frames, `c.png` and later"),
+            ("", "gt:2: 2 rows of ground truth for 3 frames; add"),
             (&good.repeat(2), "gt:4: 4 rows of ground truth for 3 frames"),
         ] {
             let truth = read_any(&format!("{good}{bad}{good}"), &frames);

@@ -1,12 +1,14 @@
 //! One sequence: frames, ground truth, tags; decoded frame by frame on demand.
 
-use super::annotation::Annotation;
+use super::annotation::{Annotation, Region};
 use super::decode::decode;
 use super::dense::DENSE_FILE;
+use super::reading::{BoxForm, Origin};
 use super::storage::{File, Folder};
-use super::{DatasetError, DatasetErrorKind};
+use super::{DatasetError, DatasetErrorKind, Fault};
 use mtf::geom::Corners;
 use mtf::image::Pixels;
+use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::borrow::Cow;
 use std::path::Path;
@@ -54,10 +56,13 @@ pub(super) struct Whole {
     pub annotations: Vec<Annotation>,
     pub truth_digest: [u8; 32],
     pub tags: Vec<String>,
+    pub origin: Origin,
+    pub boxes: Option<BoxForm>,
     pub width: usize,
     pub height: usize,
     /// Checksum of each frame's file, taken once.
     pub contents: Vec<OnceLock<u64>>,
+    pub notes: Vec<Fault>,
     pub decoded: AtomicUsize,
 }
 
@@ -179,6 +184,25 @@ impl Sequence {
         &self.whole.tags
     }
 
+    /// What is to know about its data: warnings; and as errors, what [`OnBadData::Skip`](super::OnBadData::Skip) left out of
+    /// it, such as faulty rows.
+    pub fn notes(&self) -> &[Fault] {
+        &self.whole.notes
+    }
+    /// The coordinate that its ground truth gives to the centre of the first pixel. [`truth`](Self::truth) is without it.
+    pub fn origin(&self) -> Origin {
+        self.whole.origin
+    }
+    /// How the boxes of its ground truth were read, when it has boxes.
+    pub fn boxes(&self) -> Option<BoxForm> {
+        self.whole.boxes
+    }
+    /// Number of frames where the object is said not to be seen.
+    pub fn absent(&self) -> usize {
+        let absent = |&i: &usize| self.annotation(i).region == Region::Absent;
+        (0..self.len).filter(absent).count()
+    }
+
     /// Position of frame `i` in the whole sequence; panics when `i >= len()`.
     pub fn index(&self, i: usize) -> usize {
         assert!(i < self.len, "frame {i} of {}", self.len);
@@ -233,6 +257,12 @@ impl Sequence {
         let size = (decoded.width(), decoded.height());
         check_size(file, size, (self.whole.width, self.whole.height))?;
         Ok(decoded)
+    }
+
+    /// Why the first frame that cannot be [read](Self::read) cannot. Decodes frames, on all threads.
+    pub(super) fn unreadable(&self) -> Option<DatasetError> {
+        let frames = (0..self.len).into_par_iter();
+        frames.find_map_first(|i| self.read(i, false).err())
     }
 
     /// How many times a frame was decoded by [`read`](Self::read), over all clones and selections of the sequence.

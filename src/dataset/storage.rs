@@ -210,12 +210,18 @@ impl Folder {
 
     /// The file called `name` in it. Looks for this one file and does not list the folder.
     pub fn file(&self, name: &str) -> Option<File> {
-        let path = self.path.join(name);
+        self.file_below(Path::new(name))
+    }
+
+    /// The file at `path` below it.
+    pub(super) fn file_below(&self, path: &Path) -> Option<File> {
+        let name = path.file_name()?.to_string_lossy().into_owned();
+        let path = self.path.join(path);
         self.storage.size(&path)?;
         Some(File {
             storage: self.storage.clone(),
             path,
-            name: name.into(),
+            name,
             is: Entry::File,
         })
     }
@@ -289,6 +295,12 @@ impl File {
     /// Its own name.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// The file called `name` in the same folder.
+    pub(super) fn beside(&self, name: &str) -> Option<File> {
+        let around = self.path.parent()?.to_path_buf();
+        Folder::new(self.storage.clone(), around).file(name)
     }
 
     /// Its content: that of an image when it is called so, else a text of ground truth.

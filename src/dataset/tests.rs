@@ -157,7 +157,7 @@ fn homographies_carry_the_first_image_to_the_others() {
     let dir = root.path().join("hpatches");
     std::fs::remove_file(dir.join("H_1_10")).unwrap();
     std::fs::write(dir.join("H_1_2"), "1 0 3 0 1 -2 0 0").unwrap();
-    let faults = check(&dir, &Formats::builtin()).faults;
+    let faults = check(&dir, &LoadOptions::default()).faults;
     let messages: Vec<String> = faults.iter().map(ToString::to_string).collect();
     assert_eq!(messages.len(), 2, "{messages:?}");
     assert!(

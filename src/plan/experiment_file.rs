@@ -72,13 +72,18 @@ const LISTS: [&str; 11] = [
     "data", "protocol", "seq", "tag", "sm", "am", "ssm", "ilm", "tracker", "include", "exclude",
 ];
 /// Keys that take one value.
-const SINGLE: [&str; 8] = [
+const SINGLE: [&str; 13] = [
     "seed",
     "max_frames",
     "frame_gap",
+    "truth_start",
+    "truth_step",
     "pre",
     "gt_ssm",
     "on_bad_data",
+    "origin",
+    "box",
+    "strict",
     "frame_logs",
     "timeout",
 ];

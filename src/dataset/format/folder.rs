@@ -14,9 +14,9 @@ impl Format for FrameFolder {
             name: "folder",
             summary: "a folder of frames with one text of ground truth",
             layout: "frames and `groundtruth.txt` in a folder",
-            conventions: "corners as UL UR LR LL, pixel centres at integers, in order or after the name of the frame; \
-                          or boxes as x y w h, origin at the corner of the first pixel; a word after the name in place \
-                          of the numbers leaves the frame without annotation",
+            conventions: "corners as UL UR LR LL, origin 0 (pixel centres at integers), in order or after the name of the \
+                          frame; or boxes as x y w h, origin 0.5 (at the corner of the first pixel); a word after the name \
+                          in place of the numbers leaves the frame without annotation",
         }
     }
 

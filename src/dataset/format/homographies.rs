@@ -37,7 +37,7 @@ impl Format for Homographies {
             name: "homographies",
             summary: "image sets with a homography from the first image to each other: HPatches, Oxford",
             layout: "numbered images and homographies `H_1_2` or `H1to2p` to each from the first",
-            conventions: "pixel centres at integers; the object is the whole first image; an image without a homography \
+            conventions: "origin 0 (pixel centres at integers); the object is the whole first image; an image without a homography \
                           is a fault",
         }
     }
@@ -91,6 +91,7 @@ impl Format for Homographies {
 }
 
 fn matrix(file: &TruthFile) -> Result<Mat3, DatasetErrorKind> {
-    let words: Vec<&str> = rows::words(file.text().map_err(|e| e.kind)?).collect();
+    let text = file.text().map_err(|e| e.kind)?;
+    let words: Vec<&str> = rows::words(&text).collect();
     Ok(Mat3::from_row_slice(&rows::numbers(&words, 9)?))
 }

@@ -15,8 +15,8 @@ impl Format for MtfText {
             name: "mtf",
             summary: "sequences in the form of MTF: TMT, UCSB, LinTrack, PAMI",
             layout: "frames in a folder `SEQ` and `SEQ.txt` beside it",
-            conventions: "corners as UL UR LR LL, pixel centres at integers, after the name of the frame; a word in \
-                          place of the numbers (`tracker_failed`) leaves the frame without annotation",
+            conventions: "corners as UL UR LR LL, origin 0 (pixel centres at integers), after the name of the frame; a \
+                          word in place of the numbers (`tracker_failed`) leaves the frame without annotation",
         }
     }
 

@@ -14,7 +14,8 @@ impl Format for Otb {
             name: "otb",
             summary: "sequences of the Object Tracking Benchmark",
             layout: "`groundtruth_rect.txt` and frames in `img/`",
-            conventions: "boxes as x y w h, origin at the corner of the first pixel, a row per frame in order",
+            conventions: "boxes as x y w h, origin 0.5 (at the corner of the first pixel; `--origin 1.5` for boxes that \
+                          count pixels from 1), a row per frame in order",
         }
     }
 
