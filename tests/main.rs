@@ -37,6 +37,7 @@ mod same_bytes;
 mod sweep;
 mod synth;
 mod trackers;
+mod truth;
 
 fn main() -> std::process::ExitCode {
     if std::env::var_os(extending_metric_exporter::PROGRAM).is_some() {
@@ -75,6 +76,7 @@ fn main() -> std::process::ExitCode {
         sweep::TESTS,
         synth::TESTS,
         trackers::TESTS,
+        truth::TESTS,
     ])
 }
 
