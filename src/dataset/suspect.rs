@@ -84,8 +84,12 @@ impl Truth<'_> {
     /// Coordinates that are parts of the image's size.
     fn fractions(&self, seen: &[Seen<'_>], first: &Seen<'_>) -> Option<DatasetError> {
         let o = self.origin.value();
-        let is_fraction = |v: &f64| (-0.05..=1.05).contains(&(v + o));
-        let all = seen.iter().all(|s| s.corners.0.iter().flatten().all(is_fraction));
+        let is_fraction = |v: &f64| (-0.05..=1.05).contains(v);
+        let written = |c: &Corners| match self.usual_boxes {
+            true => numbers(c, self.origin).to_vec(),
+            false => c.0.iter().flatten().map(|v| v + o).collect(),
+        };
+        let all = seen.iter().all(|s| written(&s.corners).iter().all(is_fraction));
         let (width, height) = self.size;
         (all && width.min(height) > 2).then(|| {
             let fault = format!(
@@ -328,8 +332,12 @@ impl Order {
     }
 }
 
-/// Why nothing can be tracked from `corners` in `image`: the gray levels in it are all alike.
+/// Why nothing can be tracked from `corners` in `image`: the gray levels in it are all alike. A region smaller than a
+/// few pixels says nothing.
 pub(super) fn flat(image: &Pixels, corners: &Corners) -> Option<DatasetErrorKind> {
+    if corners.signed_area().abs() < 4.0 {
+        return None;
+    }
     let (width, height) = (image.width(), image.height());
     let (mut n, mut sum, mut squares) = (0.0, 0.0, 0.0);
     // The 50x50 points of a template, of the means over 3x3 pixels: noise is no texture.
