@@ -303,7 +303,7 @@ impl Order {
     };
 
     /// The order in which the corners `b` are those of `a`, when it is another and fits much better than the same: the
-    /// corners deviate by less than a fifth, and by less than a quarter of the object's size.
+    /// corners deviate by less than a fifth, and by less than 15 % of the object's size.
     fn between(a: &Corners, b: &Corners) -> Order {
         let about_centre = |c: &Corners| {
             let [x, y] = c.centroid();
@@ -316,7 +316,7 @@ impl Order {
             .min_by(|p, q| cost(*p).total_cmp(&cost(*q)))
             .unwrap_or(Order::SAME);
         let size = a.signed_area().abs();
-        match cost(best) < cost(Order::SAME) / 25.0 && cost(best) < 4.0 * size / 16.0 {
+        match cost(best) < cost(Order::SAME) / 25.0 && cost(best) < 4.0 * size * 0.15 * 0.15 {
             true => best,
             false => Order::SAME,
         }
