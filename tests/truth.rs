@@ -165,6 +165,7 @@ fn reading(origin: Option<&str>, boxes: Option<&str>) -> LoadOptions {
         reading: Reading {
             origin: origin.map(|text| text.parse().unwrap()),
             boxes: boxes.map(|text| text.parse().unwrap()),
+            ..Reading::default()
         },
         ..LoadOptions::default()
     }
