@@ -4,8 +4,8 @@
     scripts/beside_original.py REFERENCE.csv DATA [--program mtf-eval] [--out FOLDER]
 
 REFERENCE.csv holds what the original scored, a row for a tracker on a sequence, with the columns sm, am, ssm (short names
-of the original), seq, gap (every gap-th frame), sr1, sr2, sr5, mean_al_cap20 (mean alignment error, each frame capped at
-20 px; the first frame is not counted). DATA is the folder of these sequences. Both forms of each tracker run, `--paper`
+of the original), seq, gap (every gap-th frame), sr2, sr5, mean_al_cap20 (mean alignment error, each frame capped at 20 px;
+the first frame is not counted). DATA is the folder of these sequences. Both forms of each tracker run, `--paper`
 and default, with 50x50 samples, at most 30 iterations and a Gaussian of 5x5, as there. Prints a Markdown table of means
 over sequences, grouped by search method and by appearance model.
 """
@@ -18,14 +18,13 @@ import tempfile
 from collections import defaultdict
 from pathlib import Path
 
-CAP = 20.0
 # The original's names of what is called otherwise here. Its shipped `lms` and `ransac` track points by pyramidal flow.
 METHODS = {"pysm": "pyes", "lms": "flow, lmeds", "ransac": "flow, ransac"}
 WARPS = {
     "2": "translation", "3": "isometry", "3s": "ist", "4": "similitude", "4s": "ast", "5": "asrt", "6": "affine",
     "8": "homography", "c8": "cbh", "l6": "lieaffine", "l8": "liehomography", "sl3": "sl3",
 }  # fmt: skip
-FIGURES = ("SR@1", "SR@2", "SR@5", "mean AL")
+FIGURES = ("SR@2", "SR@5", "AL")
 
 
 def reference(path):
@@ -35,7 +34,7 @@ def reference(path):
         for row in csv.DictReader(file):
             if row["gap"] == "1":
                 tracker = METHODS.get(row["sm"], row["sm"]), row["am"], WARPS[row["ssm"]]
-                figures = row["sr1"], row["sr2"], row["sr5"], row["mean_al_cap20"]
+                figures = row["sr2"], row["sr5"], row["mean_al_cap20"]
                 rows[tracker][row["seq"]] = [float(f) for f in figures]
     return rows
 
@@ -66,7 +65,7 @@ def ours(program, data, trackers, out, paper):
     rows = defaultdict(dict)
     with open(Path(out) / "sequences.csv", newline="") as file:
         for row in csv.DictReader(file):
-            figures = row["sr_1"], row["sr_2"], row["sr_5"], row["al_mean"]
+            figures = row["sr_2"], row["sr_5"], row["al_mean"]
             rows[key(row["tracker"])][row["sequence"]] = [float(f) if f else 0.0 for f in figures]
     return rows
 
@@ -76,7 +75,7 @@ def mean(rows, trackers, sequences):
     if not figures:
         return "| - " * len(FIGURES)
     means = [sum(column) / len(figures) for column in zip(*figures)]
-    return "".join(f"| {m:.3f} " for m in means[:3]) + f"| {means[3]:.2f} "
+    return "".join(f"| {m:.3f} " for m in means[:-1]) + f"| {means[-1]:.2f} "
 
 
 def main():
@@ -104,7 +103,7 @@ def main():
         for ssm in sorted({t[2] for t in trackers})
     ]
     forms = ("original", "paper's form", "default")
-    print("| trackers | number |" + "".join(f" {form}: {f} |" for form in forms for f in FIGURES))
+    print("| trackers | |" + "".join(f" {form}: {f} |" for form in forms for f in FIGURES))
     print("|---|--:|" + "--:|" * (len(forms) * len(FIGURES)))
     for name, members in groups:
         cells = "".join(mean(rows, members, sequences) for rows in (original, paper, own))

@@ -253,7 +253,27 @@ fn appearance_of(
         // The self Hessian is that of a model whose template is this patch.
         equal.set_template(pair.shape, own).map_err(failed(name))?;
         equal.set_current(own);
-        let own_hessian = hessian(&|x| similarity_of(&*equal, &own_wide, x));
+        let terms = |x: &[f64]| equal.reference().and_then(|r| r.terms_of(&own_wide, x));
+        let own_hessian = if terms(&own_wide).is_some() {
+            let slope = |k: usize| -> Vec<f64> {
+                let cross = |h: f64| -> Vec<f64> {
+                    let [ahead, behind] = [h, -h].map(|d| terms(&moved(&[(k, d)])).unwrap_or_default());
+                    ahead
+                        .iter()
+                        .zip(behind)
+                        .map(|(a, b)| (a - b) / (2.0 * h))
+                        .collect()
+                };
+                let both = cross(1e-4).into_iter().zip(cross(2e-4));
+                both.map(|(near, far)| (4.0 * near - far) / 3.0).collect()
+            };
+            let slopes: Vec<Vec<f64>> = (0..dof).map(slope).collect();
+            let mut out = SymMatrix::new(dof);
+            out.fill(|a, b| -slopes[a].iter().zip(&slopes[b]).map(|(x, y)| x * y).sum::<f64>());
+            out
+        } else {
+            hessian(&|x| similarity_of(&*equal, &own_wide, x))
+        };
         // So is its gradient, which a model without one says is zero: small beside that against another patch.
         let numeric: Vec<f64> = (0..n)
             .map(|i| {

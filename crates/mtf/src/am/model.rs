@@ -336,6 +336,12 @@ pub trait Reference {
     /// holds part of itself fixed while differentiating (ZNCC its normalisation) holds it at its present patches.
     fn similarity_of(&self, template: &[f64], current: &[f64]) -> f64;
 
+    /// Terms `r_i`, slowly and in `f64`, of a model whose self Hessian is `-Σ_i (dr_i/dp)' (dr_i/dp)` with the other patch
+    /// held; none where it is the second derivative of [`similarity_of`](Self::similarity_of).
+    fn terms_of(&self, _template: &[f64], _current: &[f64]) -> Option<Vec<f64>> {
+        None
+    }
+
     /// Assignments under which the model's derivatives are those of [`similarity_of`](Self::similarity_of), and nothing in it
     /// depends on the template but the template itself. Empty where that is so by default.
     fn plain(&self) -> &'static [Assignment<'static>] {
