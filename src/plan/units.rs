@@ -4,12 +4,13 @@
 //! data.
 
 use super::data_notes::DataNotes;
+use super::keys::{UnitKey, UnitKeys};
 use super::protocol::{Protocol, Protocols};
 use super::seed::derived_seed;
 use crate::metric::aggregate::TrackerName;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 /// Version of the run directory's formats and of the protocols; part of every unit's key.
 pub const RUN_FORMAT_VERSION: u32 = 2;
@@ -250,7 +251,7 @@ impl Plan {
     }
 
     /// What keeps `later` from being of the same experiment as a run of this plan, which it may widen or be a part of: settings
-    /// that differ; protocols, trackers and sequences that stand in place of others; and data that differs unless it was
+    /// that differ; protocols, trackers and sequences that it lacks while it has units of others; and data that differs unless it was
     /// [asked for](Self::about) alike (files that changed in place).
     pub fn departures(&self, later: &Plan) -> Vec<String> {
         let mut found = Vec::new();
@@ -260,7 +261,7 @@ impl Plan {
             }
         }
         let lacking = self.lacking(later);
-        if !lacking.is_empty() && !later.lacking(self).is_empty() {
+        if !lacking.is_empty() && later.adds_to(self) {
             found.extend(
                 lacking
                     .into_iter()
@@ -293,6 +294,14 @@ impl Plan {
             );
         }
         found
+    }
+
+    /// Whether it has units that `other` lacks.
+    fn adds_to(&self, other: &Plan) -> bool {
+        let keys = UnitKeys::new(other);
+        let there: HashSet<UnitKey> = other.units().map(|unit| keys.of(&unit)).collect();
+        let keys = UnitKeys::new(self);
+        self.units().any(|unit| !there.contains(&keys.of(&unit)))
     }
 
     /// Protocols, trackers and sequences that `other` lacks.
