@@ -24,7 +24,9 @@ mod matching;
 #[cfg(target_os = "linux")]
 mod names;
 mod nonrigid;
+mod pixels;
 mod protocols;
+mod provenance;
 mod published;
 #[cfg(target_os = "linux")]
 mod reading;
@@ -64,7 +66,9 @@ fn main() -> std::process::ExitCode {
         #[cfg(target_os = "linux")]
         names::TESTS,
         nonrigid::TESTS,
+        pixels::TESTS,
         protocols::TESTS,
+        provenance::TESTS,
         published::TESTS,
         #[cfg(target_os = "linux")]
         reading::TESTS,

@@ -126,7 +126,8 @@ fn results_of_a_run_that_was_begun_anew_are_not_judged() {
     program(dir).args(record).assert().success();
     judge(0);
     // Asked to stop before anything is done.
-    run(dir, "out", &["--seed", "1", "--max-time", "0", "--grace", "0"]).code(75);
+    let anew = ["--seed", "1", "--force", "--max-time", "0", "--grace", "0"];
+    run(dir, "out", &anew).code(75);
     assert!(!dir.join("out/summary.json").exists());
     let text = judge(21);
     assert!(

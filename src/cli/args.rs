@@ -5,7 +5,7 @@ use super::values::{
     assignment, at_least_one, at_least_two, channels, duration, non_negative, positive, resolution, size,
     threads,
 };
-use crate::dataset::{BoxForm, Origin, Reading, TruthRows};
+use crate::dataset::{BoxForm, Depth16, Origin, Reading, TruthRows};
 use crate::metric::MetricSet;
 use crate::plan::{Protocols, Shard};
 use crate::report::{Format, TableOptions, parse_sort};
@@ -180,6 +180,10 @@ pub struct SelectionArgs {
     /// freedom by what they can follow
     #[arg(long, value_name = "SSM")]
     pub gt_ssm: Option<String>,
+    /// How images with 16 bits per channel become 8: scale (v / 257), minmax (least to greatest value of each image), shift:N
+    /// (v >> N, of data with 8 + N bits) [default: scale]
+    #[arg(long, value_name = "RULE")]
+    pub depth16: Option<Depth16>,
     /// What to do with a sequence whose data is faulty [default: fail]
     #[arg(long, value_name = "WHAT")]
     pub on_bad_data: Option<OnBadData>,

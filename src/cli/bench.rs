@@ -81,7 +81,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
     selection.max_frames.get_or_insert(MOST_FRAMES);
     let request = BenchRequest {
         trackers,
-        sequences: sequences(&args.data, &selection, program)?,
+        sequences: sequences(&args.data, &selection, program)?.sequences,
         pre: filter(&args.trackers)?,
         repeats: args.repeats,
         budget: Duration::from_secs_f64(args.budget),

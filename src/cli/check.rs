@@ -2,13 +2,16 @@
 
 mod report;
 
-use super::console::{Console, print};
+use super::console::{Console, print, print_data_line};
 use super::exit;
 use crate::judge::baseline::{Baseline, recorded_command};
 use crate::judge::gate::{Finding, gate};
 use crate::judge::tolerances::Tolerances;
 use crate::metric::MetricSet;
-use crate::report::{Format, junit, text::one_line};
+use crate::report::{
+    Format, junit,
+    text::{markdown, one_line},
+};
 use crate::store::held::{Finished, finished};
 use crate::store::{Durable, write_atomic};
 use anyhow::{Context, bail, ensure};
@@ -124,7 +127,13 @@ pub fn run(
             run_command(&old.command).context("the baseline's command failed")?
         }
     };
-    let Finished { summary, whole } = finished(&dir, metrics)?;
+    let Finished {
+        summary,
+        whole,
+        data,
+        fingerprints,
+    } = finished(&dir, metrics)?;
+    let data = data.line();
     if !whole {
         console.warn(&format!(
             "{} has no run.json: its results cannot be compared with a plan",
@@ -134,7 +143,7 @@ pub fn run(
     let results = summary.results;
     // A run directory that does not say how it was made keeps the command the baseline had.
     let command = recorded_command(&dir).or_else(|| old.as_ref().map(|b| b.command.clone()));
-    let now = Baseline::new(&results, command.unwrap_or_default());
+    let now = Baseline::new(&results, command.unwrap_or_default()).with_data(fingerprints);
 
     if args.update_baseline {
         now.write(&args.baseline)?;
@@ -144,6 +153,7 @@ pub fn run(
             now: &now,
         };
         print(&update.text(args.format, args.top))?;
+        print_data_line(data.as_deref(), args.format, console)?;
         summarise(args, &update.text(Format::Md, args.top))?;
         let failed = results.failed_runs();
         if failed > 0 {
@@ -162,11 +172,13 @@ pub fn run(
         top: args.top,
     };
     print(&report.text(args.format))?;
+    print_data_line(data.as_deref(), args.format, console)?;
     if let Some(path) = &args.junit {
         let xml = junit(&old, &findings, &tolerances)?;
         write_atomic(path, Durable::Now, |w| w.write_all(xml.as_bytes()))?;
     }
-    summarise(args, &report.markdown(&dir))?;
+    let data = data.map_or(String::new(), |line| format!("\n{}\n", markdown(&line)));
+    summarise(args, &(report.markdown(&dir) + &data))?;
     Ok(ExitCode::from(exit::of_conclusion(findings.conclusion())))
 }
 
@@ -248,6 +260,7 @@ mod tests {
     use crate::plan::RUN_FORMAT_VERSION;
     use crate::report::{About, Exporters};
     use crate::store::held::Endings;
+    use crate::store::rundir::{Recorded, digest};
     use clap::Parser;
     use mtf::geom::Corners;
 
@@ -301,10 +314,17 @@ mod tests {
             write("part", &[wall]);
             let run = serde_json::json!({
                 "schema_version": RUN_FORMAT_VERSION, "tool": "mtf-eval", "version": "1", "protocol": "ope",
-                "seed": 0, "pre": "none", "frame_logs": "csv", "truth": "", "command": ["builtin"],
+                "seed": 0, "pre": "none", "frame_logs": "csv", "command": ["builtin"],
                 "trackers": [], "sequences": [],
             });
-            std::fs::write(dir.path().join("good/run.json"), run.to_string()).unwrap();
+            let mut recorded = Recorded {
+                plan: serde_json::from_value(run).unwrap(),
+                truth: digest(b""),
+                host: serde_json::Map::new(),
+            };
+            let summary = std::fs::read(dir.path().join("good/summary.json")).unwrap();
+            recorded.set_files([("summary.json".to_owned(), digest(&summary))]);
+            std::fs::write(dir.path().join("good/run.json"), recorded.to_bytes().unwrap()).unwrap();
             Runs(dir)
         }
 

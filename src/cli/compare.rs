@@ -1,6 +1,6 @@
 //! `mtf-eval compare`: what changed between runs, and whether it is more than chance.
 
-use super::console::{Console, print};
+use super::console::{Console, print, print_data_line};
 use super::exit::{Failure, Outcome};
 use super::program::Program;
 use super::values::rate;
@@ -111,6 +111,10 @@ pub fn run(args: &CompareArgs, program: &Program) -> Outcome {
         }
     };
     print(&text)?;
+    for run in &runs {
+        let line = run.data.line().map(|line| format!("{}: {line}", run.name));
+        print_data_line(line.as_deref(), args.format, console)?;
+    }
     for warning in found.iter().flat_map(|c| &c.warnings) {
         console.warn(warning);
     }

@@ -2,7 +2,7 @@
 
 use super::args::{Messages, When};
 use super::exit::{self, Failure};
-use crate::report::text;
+use crate::report::{Format, text};
 use crate::store::is_full;
 use std::io::{self, IsTerminal, Write};
 
@@ -66,6 +66,26 @@ impl Console {
     /// A line of its own, whatever was asked for.
     pub fn line(&self, line: &str) {
         let _ = writeln!(io::stderr(), "{}", text::lines(line));
+    }
+}
+
+/// Prints what is to be known about the data of the results printed before in `format`: below them, or on stderr where they
+/// are for machines. Whatever was asked for: figures say what they are of.
+///
+/// # Errors
+/// Stdout cannot be written to.
+pub fn print_data_line(line: Option<&str>, format: Format, console: &Console) -> Result<(), Failure> {
+    let Some(line) = line.map(text::one_line) else {
+        return Ok(());
+    };
+    match format {
+        Format::Table => print(&format!("{line}\n")),
+        // A paragraph of its own.
+        Format::Md => print(&format!("\n{}\n", text::markdown(&line))),
+        Format::Csv | Format::Json => {
+            console.line(&line);
+            Ok(())
+        }
     }
 }
 

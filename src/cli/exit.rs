@@ -103,7 +103,9 @@ fn of_plan(error: &PlanError) -> u8 {
 fn of_store(error: &StoreError) -> u8 {
     match error {
         StoreError::Locked { .. } | StoreError::DiskFull(_) | StoreError::Gone(_) => STOPPED,
-        StoreError::Mismatch { .. } | StoreError::OtherBuild { .. } => NOT_COMPARABLE,
+        StoreError::Mismatch { .. } | StoreError::OtherExperiment { .. } | StoreError::OtherBuild { .. } => {
+            NOT_COMPARABLE
+        }
         StoreError::Incomplete { .. } | StoreError::Stale { .. } => INCOMPLETE,
         StoreError::NotARunDirectory { .. }
         | StoreError::NoRun { .. }

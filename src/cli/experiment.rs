@@ -5,10 +5,12 @@ use super::console::Console;
 use super::exit::{self, Failure};
 use super::program::Program;
 use super::values::{at_least_one, at_least_two, positive};
-use crate::dataset::{self, Dataset, Fault, Label, LoadOptions, Origin, Sequence, Severity};
+use crate::dataset::{
+    self, Dataset, Fault, Label, LeftOut, LoadOptions, Origin, Sequence, Severity, Standing,
+};
 use crate::plan::{
-    ExperimentFile, ExperimentFileError, FrameLogs, Protocols, RunRequest, RunRequestBuilder, TrackerEntry,
-    sequence_id, usual_filter,
+    DataNotes, ExperimentFile, ExperimentFileError, FrameLogs, Protocols, RunRequest, RunRequestBuilder,
+    TrackerEntry, sequence_id, usual_filter,
 };
 use clap::ValueEnum;
 use globset::{GlobBuilder, GlobSet, GlobSetBuilder};
@@ -50,7 +52,24 @@ pub fn experiment(
     })?;
     tell(&refused, console);
     let trackers = filtered(specs, &args.trackers, registry, console)?;
-    let mut sequences = sequences(&args.data, &args.selection, program)?;
+    let Chosen {
+        mut sequences,
+        left_out,
+    } = sequences(&args.data, &args.selection, program)?;
+    let mut data_notes = DataNotes::default();
+    left_out
+        .iter()
+        .for_each(|left_out| data_notes.leave_out(left_out));
+    for sequence in &sequences {
+        let remarks = sequence.remarks();
+        data_notes.add(sequence, &remarks);
+        for (_, fault) in remarks
+            .iter()
+            .filter(|(remark, _)| remark.standing() != Standing::AsItSays)
+        {
+            console.warn(&fault.to_string());
+        }
+    }
     if let Some(name) = &args.selection.gt_ssm {
         fit_truth(&mut sequences, registry, name)?;
     }
@@ -68,6 +87,10 @@ pub fn experiment(
             about.insert(word.into(), number.into());
         }
     }
+    about.insert(
+        "depth16".into(),
+        args.selection.depth16.unwrap_or_default().to_string().into(),
+    );
     about.insert("gt_ssm".into(), args.selection.gt_ssm.clone().into());
     about.insert("command".into(), command.into());
     let read_as = read_as(&sequences);
@@ -88,6 +111,7 @@ pub fn experiment(
         .metrics(program.catalogue.metrics.clone())
         .frame_logs(frame_logs)
         .timeout(args.timeout.map(Duration::from_secs_f64))
+        .data_notes(data_notes)
         .about(about);
     Ok(request)
 }
@@ -143,6 +167,7 @@ fn complete(args: &mut ExperimentArgs, file: &ExperimentFile) -> Result<(), Expe
     or(&mut trackers.pre, file, "pre", pre)?;
     or(&mut selection.max_frames, file, "max_frames", at_least_two)?;
     or(&mut selection.frame_gap, file, "frame_gap", at_least_one)?;
+    or(&mut selection.depth16, file, "depth16", str::parse)?;
     or(&mut selection.gt_ssm, file, "gt_ssm", text)?;
     let protocols = file.list("protocol").iter().map(|l| {
         let parsed = l.text.parse::<Protocols>();
@@ -314,15 +339,19 @@ fn filtered(
     }
 }
 
+/// The sequences of an experiment.
+pub struct Chosen {
+    /// Those to be tracked, cut to the frames asked for.
+    pub sequences: Vec<Sequence>,
+    /// Those whose data is faulty.
+    pub left_out: Vec<LeftOut>,
+}
+
 /// The sequences of `data` (the embedded ones if empty) that pass the filters, cut to the frames asked for.
 ///
 /// # Errors
 /// Data that cannot be read, nothing that passes.
-pub fn sequences(
-    data: &[PathBuf],
-    args: &SelectionArgs,
-    program: &Program,
-) -> Result<Vec<Sequence>, Failure> {
+pub fn sequences(data: &[PathBuf], args: &SelectionArgs, program: &Program) -> Result<Chosen, Failure> {
     let names = globs("--seq", &args.seq)?;
     let wanted = |label: &Label<'_>| {
         let id = format!("{}/{}", label.dataset, label.name);
@@ -338,20 +367,25 @@ pub fn sequences(
         },
         reading: args.truth.reading(),
         strict: args.truth.strict,
+        depth16: args.depth16.unwrap_or_default(),
         start: 0,
         frame_gap: args.frame_gap.unwrap_or(1),
         max_frames: args.max_frames,
     };
     let mut all = 0;
-    let mut chosen = Vec::new();
+    let mut chosen = Chosen {
+        sequences: Vec::new(),
+        left_out: Vec::new(),
+    };
     let builtin = [PathBuf::from(dataset::BUILTIN)];
     for path in if data.is_empty() { &builtin } else { data } {
         let set = dataset::load_where(path, &options, &wanted).map_err(Failure::usage)?;
         warn_of(&set, &program.console);
         all += set.sequences.len() + set.unwanted;
-        chosen.extend(set.sequences);
+        chosen.sequences.extend(set.sequences);
+        chosen.left_out.extend(set.left_out);
     }
-    if chosen.is_empty() {
+    if chosen.sequences.is_empty() {
         return Err(Failure::new(
             exit::NOTHING,
             format!("none of {all} sequences passes --seq and --tag"),

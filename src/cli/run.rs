@@ -1,7 +1,7 @@
 //! `mtf-eval run`: from the arguments to a request for the runner, and from its report to the table.
 
 use super::args::{ExecutionArgs, ExperimentArgs, Messages, TableArgs};
-use super::console::{Console, print};
+use super::console::{Console, print, print_data_line};
 use super::exit::{self, Failure, Outcome};
 use super::experiment::experiment;
 use super::program::Program;
@@ -74,6 +74,7 @@ pub fn run(args: &RunArgs, program: &Program) -> Outcome {
 /// Stdout cannot be written to.
 pub fn show(report: &RunReport, options: &TableOptions, console: &Console) -> Outcome {
     print(&table(&report.results, options))?;
+    print_data_line(report.data.line().as_deref(), options.format, console)?;
     for (unit, reason) in report.failed.iter().take(FAILURES_SHOWN) {
         console.warn(&format!("{unit}: {reason}"));
     }

@@ -1,6 +1,6 @@
 //! `mtf-eval status`: how far run directories are.
 
-use super::console::print;
+use super::console::{print, print_data_line};
 use super::exit::{self, Failure, Outcome};
 use super::program::Program;
 use crate::report::{Format, render};
@@ -60,6 +60,14 @@ pub fn run(args: &StatusArgs, program: &Program) -> Outcome {
         format => print(&render(&header, &rows, format, console.table_colour))?,
     }
     for (dir, s) in &all {
+        let line = s.data.line().map(|line| format!("{dir}: {line}"));
+        print_data_line(line.as_deref(), args.format, console)?;
+        for path in &s.altered {
+            console.error(&format!(
+                "{}: not as the run wrote it; run its command again to make it anew",
+                path.display()
+            ));
+        }
         let holder = s.holder.as_deref().unwrap_or_default();
         match s.activity {
             Activity::Idle => {}
@@ -83,11 +91,13 @@ pub fn run(args: &StatusArgs, program: &Program) -> Outcome {
         }
     }
     let any = |count: fn(&Status) -> usize| all.iter().any(|(_, s)| count(s) > 0);
-    Ok(ExitCode::from(match (any(|s| s.missing), any(|s| s.failed)) {
-        (true, _) => exit::INCOMPLETE,
-        (false, true) => exit::FAILED,
-        (false, false) => 0,
-    }))
+    Ok(ExitCode::from(
+        match (any(|s| s.missing + s.altered.len()), any(|s| s.failed)) {
+            (true, _) => exit::INCOMPLETE,
+            (false, true) => exit::FAILED,
+            (false, false) => 0,
+        },
+    ))
 }
 
 fn row(dir: &str, s: &Status) -> Vec<String> {

@@ -1,8 +1,10 @@
 //! Finds every fault of a dataset.
 
+use super::decode::{Depth16, Remark, Standing, remarks};
 use super::find::{Unread, find};
 use super::open::Draft;
-use super::sequence::{check_size, read_frame};
+use super::sequence::{Remarks, check_size, decode_frame, read_frame};
+use super::storage::File;
 use super::suspect::flat;
 use super::{DatasetError, LoadOptions, resolve};
 use rayon::prelude::*;
@@ -135,6 +137,23 @@ pub fn check(path: &Path, options: &LoadOptions) -> Checked {
     checked
 }
 
+/// Decodes a frame: its size, and what is out of the ordinary about it.
+fn look(file: &File, depth16: Depth16) -> (Result<(usize, usize), DatasetError>, Vec<Remark>) {
+    let look = || {
+        let bytes = file.read()?;
+        let pixels = decode_frame(file, &bytes, false, depth16)?;
+        let mut found = remarks(&bytes);
+        if found.contains(&Remark::SixteenBits) {
+            found.extend(Remark::sliver(&pixels));
+        }
+        Ok(((pixels.width(), pixels.height()), found))
+    };
+    match look() {
+        Ok((size, found)) => (Ok(size), found),
+        Err(e) => (Err(e), Vec::new()),
+    }
+}
+
 fn check_sequence(unread: Unread, options: &LoadOptions) -> Vec<Fault> {
     let mut draft = Draft::new(unread, options.reading);
     let mut errors = std::mem::take(&mut draft.fatal);
@@ -143,10 +162,12 @@ fn check_sequence(unread: Unread, options: &LoadOptions) -> Vec<Fault> {
     let truth_is_usable = errors.is_empty() && annotations.frames.iter().any(|a| a.corners().is_some());
 
     let frames = &draft.unread.parts.frames;
-    let sizes: Vec<_> = frames
-        .par_iter()
-        .map(|file| read_frame(file, false).map(|d| (d.width(), d.height())))
-        .collect();
+    let (sizes, remarked): (Vec<_>, Vec<_>) =
+        frames.par_iter().map(|file| look(file, options.depth16)).unzip();
+    let mut remarks = Remarks::default();
+    for (file, remarked) in frames.iter().zip(remarked) {
+        remarked.into_iter().for_each(|remark| remarks.add(remark, file));
+    }
     let first = sizes.iter().find_map(|size| size.as_ref().ok()).copied();
 
     // The start is only looked at when what is said of it had no fault of its own.
@@ -171,7 +192,7 @@ fn check_sequence(unread: Unread, options: &LoadOptions) -> Vec<Fault> {
     }
     if let (Some(size), true) = (first, truth_is_usable) {
         draft.warnings.extend(draft.suspects(size));
-        draft.warnings.extend(flat_start(&draft, start));
+        draft.warnings.extend(flat_start(&draft, start, options.depth16));
     }
     let frames = &draft.unread.parts.frames;
     for (file, size) in frames.iter().zip(sizes) {
@@ -180,15 +201,20 @@ fn check_sequence(unread: Unread, options: &LoadOptions) -> Vec<Fault> {
             Ok(size) => errors.extend(first.and_then(|first| check_size(file, size, first).err())),
         }
     }
+    let doubtful = remarks
+        .faults()
+        .into_iter()
+        .filter(|(remark, _)| remark.standing() != Standing::AsItSays);
+    draft.warnings.extend(doubtful.map(|(_, fault)| fault));
     let mut faults = Fault::all(&errors, Severity::Error);
     faults.extend(Fault::all(&draft.warnings, Severity::Warning));
     faults
 }
 
 /// That frame `start` shows nothing to track at its corners.
-fn flat_start(draft: &Draft, start: usize) -> Option<DatasetError> {
+fn flat_start(draft: &Draft, start: usize, depth16: Depth16) -> Option<DatasetError> {
     let annotation = draft.annotations.frames.get(start)?;
     let (corners, at) = (annotation.corners()?, annotation.location.as_ref()?);
-    let image = read_frame(draft.unread.parts.frames.get(start)?, false).ok()?;
+    let image = read_frame(draft.unread.parts.frames.get(start)?, false, depth16).ok()?;
     Some(at.fault(flat(&image, &corners)?))
 }

@@ -2,12 +2,19 @@
 //!
 //! A format is a line in [`KINDS`], and a file in `decode/` unless the decoder of the others reads it.
 
+mod depth;
 mod entropy;
+mod huffman;
 mod jpeg;
 mod other;
+mod remark;
+
+pub use depth::Depth16;
+pub use remark::{Remark, Standing};
 
 use crate::files::{self, Kind, Refused};
-use image::ImageFormat;
+use image::metadata::Orientation;
+use image::{DynamicImage, GrayImage, ImageFormat, RgbImage};
 use mtf::image::Pixels;
 use std::path::Path;
 
@@ -21,8 +28,10 @@ struct ImageKind {
     format: ImageFormat,
     /// Width and height in pixels from the header alone.
     size: fn(&ImageKind, &[u8]) -> Result<(usize, usize), ImageError>,
-    /// The pixels, with R, G, B when asked for.
-    decode: fn(&ImageKind, &[u8], bool) -> Result<Pixels, ImageError>,
+    /// The pixels, with R, G, B when asked for; 16 bits brought to 8 by the rule.
+    decode: fn(&ImageKind, &[u8], bool, Depth16) -> Result<Pixels, ImageError>,
+    /// What is out of the ordinary, as far as it shows without the pixels.
+    remarks: fn(&ImageKind, &[u8]) -> Vec<Remark>,
 }
 
 /// Every format.
@@ -92,9 +101,20 @@ impl From<std::io::Error> for ImageError {
 }
 
 /// Decodes the image in `bytes`; with `colour` also keeps its R, G, B. The gray plane is the same to the bit either way.
+/// Turned upright as the file's orientation tag says; of several images in a file, the first.
 pub fn decode(bytes: &[u8], colour: bool) -> Result<Pixels, ImageError> {
+    decode_by(bytes, colour, Depth16::default())
+}
+
+/// [`decode`] that brings 16 bits per channel to 8 by the rule `depth`.
+pub(super) fn decode_by(bytes: &[u8], colour: bool, depth: Depth16) -> Result<Pixels, ImageError> {
     let kind = kind_of(bytes)?;
-    (kind.decode)(kind, bytes, colour)
+    (kind.decode)(kind, bytes, colour, depth)
+}
+
+/// What is out of the ordinary about the image in `bytes`, as far as it shows without decoding.
+pub(super) fn remarks(bytes: &[u8]) -> Vec<Remark> {
+    kind_of(bytes).map_or_else(|_| Vec::new(), |kind| (kind.remarks)(kind, bytes))
 }
 
 /// [`decode`] of a file's content.
@@ -130,6 +150,38 @@ fn kind_of(bytes: &[u8]) -> Result<&'static ImageKind, ImageError> {
     let format = image::guess_format(bytes).map_err(|_| ImageError::UnknownFormat)?;
     let kind = KINDS.iter().find(|kind| kind.format == format);
     kind.ok_or(ImageError::UnknownFormat)
+}
+
+/// Whether width and height change places.
+fn is_turned(orientation: Orientation) -> bool {
+    use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
+    matches!(orientation, Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH)
+}
+
+/// Row-major pixels of 1 or 3 channels, turned; with their width and height.
+fn turn(
+    width: usize,
+    height: usize,
+    channels: usize,
+    pixels: Vec<u8>,
+    orientation: Orientation,
+) -> (usize, usize, Vec<u8>) {
+    if orientation == Orientation::NoTransforms {
+        return (width, height, pixels);
+    }
+    let (w, h) = (width as u32, height as u32);
+    let image = match channels {
+        1 => GrayImage::from_raw(w, h, pixels).map(DynamicImage::from),
+        _ => RgbImage::from_raw(w, h, pixels).map(DynamicImage::from),
+    };
+    // Callers have counted the pixels.
+    let mut image = image.unwrap_or_default();
+    image.apply_orientation(orientation);
+    (
+        image.width() as usize,
+        image.height() as usize,
+        image.into_bytes(),
+    )
 }
 
 fn check_size(width: u64, height: u64) -> Result<(), ImageError> {
@@ -276,11 +328,11 @@ mod tests {
             .collect();
         files.extend([ImageFormat::Png, ImageFormat::Pnm, ImageFormat::Tiff].map(|f| encode(&image, f)));
         for bytes in files {
-            // The last bytes of a PNG are its end chunk, which decoders need not read.
-            let last = if bytes.starts_with(b"\x89PNG") {
-                bytes.len() - 16
-            } else {
-                bytes.len() - 1
+            // The last bytes of a PNG are its end chunk, which decoders need not read; those of a JPEG are its end mark.
+            let last = match bytes[..2] {
+                [0x89, b'P'] => bytes.len() - 16,
+                [0xff, 0xd8] => bytes.len() - 3,
+                _ => bytes.len() - 1,
             };
             for n in 0..=last {
                 for colour in [false, true] {
@@ -368,6 +420,194 @@ mod tests {
             decode(&short, false),
             Err(ImageError::Truncated { format: "JPEG" })
         ));
+    }
+
+    #[test]
+    fn a_jpeg_without_end_mark_is_read_when_its_codes_are_whole() {
+        let names = [
+            "gray",
+            "ycc_444",
+            "ycc_420",
+            "ycc_420_rst",
+            "ycc_440_prog",
+            "ycc_420_prog_rst",
+            "cmyk",
+        ];
+        for name in names {
+            let bytes = fixture(name);
+            let expected = decode(&bytes, true).unwrap();
+            assert_eq!(remarks(&bytes), [], "{name}");
+            for cut in [1, 2] {
+                let short = &bytes[..bytes.len() - cut];
+                assert_eq!(decode(short, true).unwrap(), expected, "{name}, {cut}");
+                assert_eq!(remarks(short), [Remark::NoEndMark], "{name}");
+            }
+            // As cameras pad them.
+            let padded = [&bytes[..bytes.len() - 2], &[0; 40]].concat();
+            assert_eq!(decode(&padded, true).unwrap(), expected, "{name}");
+        }
+    }
+
+    #[test]
+    fn a_jpeg_without_tables_is_read_with_the_standard_ones() {
+        for image in [
+            colourful(37, 29),
+            DynamicImage::from(colourful(37, 29).to_luma8()),
+        ] {
+            let whole = encode(&image, ImageFormat::Jpeg);
+            let (mut bare, mut at) = (whole[..2].to_vec(), 2);
+            while whole[at + 1] != 0xda {
+                let end = at + 2 + usize::from(u16::from_be_bytes([whole[at + 2], whole[at + 3]]));
+                if whole[at + 1] != 0xc4 {
+                    bare.extend_from_slice(&whole[at..end]);
+                }
+                at = end;
+            }
+            bare.extend_from_slice(&whole[at..]);
+            assert!(bare.len() < whole.len());
+            assert_eq!(decode(&bare, true).unwrap(), decode(&whole, true).unwrap());
+            assert_eq!(dimensions(&bare).unwrap(), (37, 29));
+            assert_eq!(remarks(&bare), [Remark::StandardTables]);
+            let half = &bare[..bare.len() - 90];
+            assert!(matches!(decode(half, true), Err(ImageError::Truncated { .. })));
+        }
+    }
+
+    /// The file with an Exif segment that says `tag`, for JPEG; PNG and TIFF have it in places of their own.
+    fn tagged(image: &DynamicImage, format: ImageFormat, tag: u8) -> Vec<u8> {
+        let exif = [
+            b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".as_slice(),
+            &[tag, 0, 0, 0, 0, 0, 0, 0],
+        ]
+        .concat();
+        let bytes = encode(image, format);
+        match format {
+            ImageFormat::Jpeg => {
+                let length = (2 + 6 + exif.len() as u16).to_be_bytes();
+                [
+                    &bytes[..2],
+                    &[0xff, 0xe1],
+                    &length,
+                    b"Exif\0\0",
+                    &exif,
+                    &bytes[2..],
+                ]
+                .concat()
+            }
+            ImageFormat::Png => {
+                let mut out = Vec::new();
+                let mut encoder = image::codecs::png::PngEncoder::new(&mut out);
+                image::ImageEncoder::set_exif_metadata(&mut encoder, exif).unwrap();
+                image.write_with_encoder(encoder).unwrap();
+                out
+            }
+            _ => tiff_pages(image, 1, tag),
+        }
+    }
+
+    fn tiff_pages(image: &DynamicImage, pages: usize, tag: u8) -> Vec<u8> {
+        use tiff::{encoder::TiffEncoder, encoder::colortype::RGB8, tags::Tag};
+        let mut out = Cursor::new(Vec::new());
+        let mut encoder = TiffEncoder::new(&mut out).unwrap();
+        for _ in 0..pages {
+            let mut page = encoder.new_image::<RGB8>(image.width(), image.height()).unwrap();
+            page.encoder()
+                .write_tag(Tag::Orientation, u16::from(tag))
+                .unwrap();
+            page.write_data(image.as_bytes()).unwrap();
+        }
+        out.into_inner()
+    }
+
+    #[test]
+    fn images_are_turned_as_their_tags_say() {
+        let image = colourful(37, 29);
+        for format in [ImageFormat::Jpeg, ImageFormat::Png, ImageFormat::Tiff] {
+            let plain = decode(&tagged(&image, format, 1), true).unwrap();
+            assert_eq!(plain, decode(&encode(&image, format), true).unwrap());
+            for tag in 1..=8 {
+                let bytes = tagged(&image, format, tag);
+                let turned = decode(&bytes, true).unwrap();
+                let (w, h) = (turned.width(), turned.height());
+                assert_eq!(
+                    (w, h),
+                    if tag < 5 { (37, 29) } else { (29, 37) },
+                    "{format:?} {tag}"
+                );
+                assert_eq!(dimensions(&bytes).unwrap(), (w, h));
+                // Where each pixel of the upright picture is in the file: what row 0 and column 0 of it show (Exif 2.3, 4.6.4).
+                let place = |x: usize, y: usize| match tag {
+                    1 => (x, y),
+                    2 => (36 - x, y),
+                    3 => (36 - x, 28 - y),
+                    4 => (x, 28 - y),
+                    5 => (y, x),
+                    6 => (y, 28 - x),
+                    7 => (36 - y, 28 - x),
+                    _ => (36 - y, x),
+                };
+                let gray = decode(&bytes, false).unwrap();
+                for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
+                    let (px, py) = place(x, y);
+                    let (at, from) = (y * w + x, py * 37 + px);
+                    assert_eq!(turned.gray()[at], plain.gray()[from], "{format:?} {tag} {x},{y}");
+                    assert_eq!(gray.gray()[at], plain.gray()[from], "{format:?} {tag} {x},{y}");
+                    assert_eq!(turned.rgb().unwrap()[3 * at], plain.rgb().unwrap()[3 * from]);
+                }
+                let remark = (tag > 1).then_some(Remark::Turned(tag));
+                assert_eq!(
+                    remarks(&bytes),
+                    remark.into_iter().collect::<Vec<_>>(),
+                    "{format:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn files_of_several_images_are_told() {
+        let image = colourful(9, 7);
+        assert_eq!(remarks(&tiff_pages(&image, 1, 1)), []);
+        assert_eq!(remarks(&tiff_pages(&image, 2, 1)), [Remark::Several]);
+        let gif = |frames: usize| {
+            let mut out = Vec::new();
+            let mut encoder = image::codecs::gif::GifEncoder::new(&mut out);
+            let frame = || image::Frame::new(image.to_rgba8());
+            encoder.encode_frames((0..frames).map(|_| frame())).unwrap();
+            drop(encoder);
+            out
+        };
+        assert_eq!(remarks(&gif(1)), []);
+        assert_eq!(remarks(&gif(3)), [Remark::Several]);
+        let png = encode(&image, ImageFormat::Png);
+        assert_eq!(remarks(&png), []);
+        // A chunk acTL after the header makes an animation of it.
+        let control = [b"acTL".as_slice(), &[0, 0, 0, 2, 0, 0, 0, 0]].concat();
+        let mut crc = u32::MAX;
+        for &b in &control {
+            crc ^= u32::from(b);
+            (0..8).for_each(|_| crc = (crc >> 1) ^ if crc & 1 == 1 { 0xedb8_8320 } else { 0 });
+        }
+        let animated = [
+            &png[..33],
+            &[0, 0, 0, 8],
+            &control,
+            &(!crc).to_be_bytes(),
+            &png[33..],
+        ]
+        .concat();
+        assert_eq!(remarks(&animated), [Remark::Several]);
+        assert_eq!(decode(&animated, true).unwrap(), decode(&png, true).unwrap());
+    }
+
+    #[test]
+    fn sixteen_bits_are_told() {
+        let deep = image::ImageBuffer::from_fn(40, 30, |x, y| image::Luma([51_241 + (x + y) as u16]));
+        let bytes = encode(&deep.into(), ImageFormat::Png);
+        assert_eq!(remarks(&bytes), [Remark::SixteenBits]);
+        let by = |rule: &str| decode_by(&bytes, false, rule.parse().unwrap()).unwrap();
+        assert_eq!(Remark::sliver(&by("scale")), Some(Remark::Sliver(2)));
+        assert_eq!(Remark::sliver(&by("minmax")), None);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! What can be wrong with a dataset, and where.
 
 use super::annotation::MAX_COORDINATE;
-use super::decode::{ImageError, image_formats};
+use super::decode::{ImageError, Remark, image_formats};
 use crate::files::Refused;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -346,6 +346,17 @@ pub enum DatasetErrorKind {
         /// Height of the first frame in pixels.
         first_height: usize,
     },
+    /// A frame was replaced while it was in use.
+    #[error("the file has changed since the run began; run again")]
+    Changed,
+    /// Frames that are read all the same, the first of which it is.
+    #[error("{remark}{}", likewise(*.frames))]
+    Remark {
+        /// What is out of the ordinary.
+        remark: Remark,
+        /// Number of such frames in the sequence.
+        frames: usize,
+    },
     /// `meta.json` cannot be understood.
     #[error(
         "bad metadata ({detail}); expected {{\"tags\": [\"word\", ...], \"origin\": 0, 0.5, 1 or 1.5, \"box\": \"xywh\", \"xyxy\" or \"cxcywh\", \"truth_start\": number of a frame, \"truth_step\": 1 or more}}"
@@ -407,6 +418,15 @@ impl DatasetErrorKind {
             first: format!("{name:?}"),
             second: format!("{:?}", path.file_name().unwrap_or_default()),
         }
+    }
+}
+
+/// How many frames there are besides the one that is named.
+fn likewise(frames: usize) -> String {
+    match frames {
+        0 | 1 => String::new(),
+        2 => " (1 more frame likewise)".into(),
+        n => format!(" ({} more frames likewise)", n - 1),
     }
 }
 

@@ -29,7 +29,7 @@ mod tests;
 
 pub use annotation::{Annotation, Annotations, Location, Region};
 pub use check::{Checked, Fault, Severity, check};
-pub use decode::{ImageError, MAX_PIXELS, decode, decode_file, dimensions};
+pub use decode::{Depth16, ImageError, MAX_PIXELS, Remark, Standing, decode, decode_file, dimensions};
 pub use dense::DENSE_FILE;
 pub use error::{DatasetError, DatasetErrorKind};
 pub use format::{Description, Format, Formats, Found, Place, TruthFile};
@@ -105,6 +105,8 @@ pub struct LoadOptions {
     pub formats: Formats,
     /// What to do about faulty data.
     pub on_bad_data: OnBadData,
+    /// How 16 bits per channel become 8.
+    pub depth16: Depth16,
     /// How ground truth is read, in place of what its format usually has.
     pub reading: Reading,
     /// Refuse a start that lies partly outside the image.
@@ -123,6 +125,7 @@ impl Default for LoadOptions {
         LoadOptions {
             formats: Formats::builtin(),
             on_bad_data: OnBadData::Fail,
+            depth16: Depth16::default(),
             reading: Reading::default(),
             strict: false,
             start: 0,
@@ -244,7 +247,7 @@ fn open(mut draft: Draft, options: &LoadOptions) -> Result<Sequence, Vec<Dataset
     }
     draft.warnings.extend(draft.suspects(size));
     let selected = draft
-        .into_sequence(size, &faults)
+        .into_sequence(size, options.depth16, &faults)
         .from_frame(start)
         .with_gap(options.frame_gap)
         .truncated(options.max_frames.unwrap_or(usize::MAX));

@@ -1,7 +1,7 @@
 //! From a found sequence to an opened one, collecting every fault on the way.
 
 use super::annotation::{Annotations, Location};
-use super::decode::dimensions;
+use super::decode::{Depth16, dimensions};
 use super::find::Unread;
 use super::format::{Place, TruthFile};
 use super::reading::Reading;
@@ -212,7 +212,12 @@ impl Draft {
     }
 
     /// The sequence, with what is valid of its ground truth; it notes the warnings and what is `left_out` of it.
-    pub fn into_sequence(self, (width, height): (usize, usize), left_out: &[DatasetError]) -> Sequence {
+    pub fn into_sequence(
+        self,
+        (width, height): (usize, usize),
+        depth16: Depth16,
+        left_out: &[DatasetError],
+    ) -> Sequence {
         let parts = self.unread.parts;
         let mut notes = Fault::all(left_out, Severity::Error);
         notes.extend(Fault::all(&self.warnings, Severity::Warning));
@@ -230,6 +235,7 @@ impl Draft {
             boxes: self.annotations.boxes,
             width,
             height,
+            depth16,
             contents,
             notes,
             decoded: Default::default(),

@@ -1,7 +1,7 @@
 //! One sequence: frames, ground truth, tags; decoded frame by frame on demand.
 
 use super::annotation::{Annotation, Region};
-use super::decode::decode;
+use super::decode::{Depth16, Remark, decode_by, remarks};
 use super::dense::DENSE_FILE;
 use super::reading::{BoxForm, Origin};
 use super::storage::{File, Folder};
@@ -11,6 +11,7 @@ use mtf::image::Pixels;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -60,21 +61,40 @@ pub(super) struct Whole {
     pub boxes: Option<BoxForm>,
     pub width: usize,
     pub height: usize,
-    /// Checksum of each frame's file, taken once.
-    pub contents: Vec<OnceLock<u64>>,
+    pub depth16: Depth16,
+    /// What each frame's file holds, looked at once.
+    pub contents: Vec<OnceLock<Content>>,
     pub notes: Vec<Fault>,
     pub decoded: AtomicUsize,
 }
 
+/// What a frame's file holds.
+#[derive(Clone, Debug)]
+pub(super) struct Content {
+    /// Of its bytes; the largest number where it cannot be read.
+    checksum: u64,
+    remarks: Vec<Remark>,
+}
+
 impl Whole {
-    /// Checksum of the file of a frame; the largest number where it cannot be read.
-    fn checksum(&self, frame: usize) -> u64 {
+    /// What the file of a frame holds.
+    fn content(&self, frame: usize) -> &Content {
         let of = || match self.frames[frame].read() {
-            Ok(bytes) => XxHash64::oneshot(0, &bytes),
-            Err(_) => u64::MAX,
+            Ok(bytes) => Content {
+                checksum: checksum(&bytes),
+                remarks: remarks(&bytes),
+            },
+            Err(_) => Content {
+                checksum: u64::MAX,
+                remarks: Vec::new(),
+            },
         };
-        *self.contents[frame].get_or_init(of)
+        self.contents[frame].get_or_init(of)
     }
+}
+
+fn checksum(bytes: &[u8]) -> u64 {
+    XxHash64::oneshot(0, bytes)
 }
 
 impl Sequence {
@@ -249,11 +269,20 @@ impl Sequence {
 
     /// Decodes frame `i` (with R, G, B when `colour`); panics when `i >= len()`.
     ///
-    /// Errors: the file cannot be read or decoded, or has another size than the first frame.
+    /// Errors: the file cannot be read or decoded, has another size than the first frame, or is no longer the one that the
+    /// [fingerprint](Self::fingerprint) was taken of.
     pub fn read(&self, i: usize, colour: bool) -> Result<Pixels, DatasetError> {
-        let file = &self.whole.frames[self.index(i)];
+        let index = self.index(i);
+        let file = &self.whole.frames[index];
         self.whole.decoded.fetch_add(1, Ordering::Relaxed);
-        let decoded = read_frame(file, colour)?;
+        let bytes = file.read()?;
+        if self.whole.contents[index]
+            .get()
+            .is_some_and(|known| known.checksum != checksum(&bytes))
+        {
+            return Err(DatasetError::new(file.path(), DatasetErrorKind::Changed));
+        }
+        let decoded = decode_frame(file, &bytes, colour, self.whole.depth16)?;
         let size = (decoded.width(), decoded.height());
         check_size(file, size, (self.whole.width, self.whole.height))?;
         Ok(decoded)
@@ -270,6 +299,25 @@ impl Sequence {
         self.whole.decoded.load(Ordering::Relaxed)
     }
 
+    /// What is out of the ordinary about the frames, a fault for each kind that names the first such frame. Levels are
+    /// looked at in the first frame. Reads the files, once for all selections of the sequence.
+    pub fn remarks(&self) -> Vec<(Remark, DatasetError)> {
+        let mut remarks = Remarks::default();
+        for i in 0..self.len {
+            let index = self.index(i);
+            for &remark in &self.whole.content(index).remarks {
+                remarks.add(remark, &self.whole.frames[index]);
+            }
+        }
+        if let Some(first) = remarks.first(Remark::SixteenBits).cloned()
+            && let Ok(pixels) = read_frame(&first, false, self.whole.depth16)
+            && let Some(sliver) = Remark::sliver(&pixels)
+        {
+            remarks.add(sliver, &first);
+        }
+        remarks.faults()
+    }
+
     /// Content of another file in the sequence's folder, such as dense ground truth; `None` when there is none.
     pub fn file(&self, name: &str) -> Result<Option<Cow<'static, [u8]>>, DatasetError> {
         self.whole.folder.file(name).map(|file| file.read()).transpose()
@@ -277,7 +325,7 @@ impl Sequence {
 
     /// Identity of the data in 64 hex digits: SHA-256 over the bytes of the ground truth's files (and of the dense
     /// one), the image size, and for each frame its name, corners and the checksum (XXH64) of its file's bytes. The place on
-    /// disk does not count. Reads the files, once for all selections of the sequence.
+    /// disk does not count; the rule for 16 bits per channel does where there are any and it is not the usual one. Reads the files, once for all selections of the sequence.
     pub fn fingerprint(&self) -> String {
         format!("{:x}", self.hasher().finalize())
     }
@@ -286,7 +334,7 @@ impl Sequence {
     pub fn fingerprint_of_pixels(&self) -> Result<String, DatasetError> {
         let mut hasher = self.hasher();
         for i in 0..self.len {
-            let decoded = read_frame(&self.whole.frames[self.index(i)], true)?;
+            let decoded = read_frame(&self.whole.frames[self.index(i)], true, self.whole.depth16)?;
             hasher.update(decoded.gray());
             hasher.update(decoded.rgb().unwrap_or_default());
         }
@@ -309,7 +357,12 @@ impl Sequence {
             .concat());
         for i in 0..self.len {
             put(self.frame_name(i).as_bytes());
-            put(&whole.checksum(self.index(i)).to_le_bytes());
+            let content = whole.content(self.index(i));
+            put(&content.checksum.to_le_bytes());
+            // The pixels of other frames do not depend on the rule.
+            if whole.depth16 != Depth16::default() && content.remarks.contains(&Remark::SixteenBits) {
+                put(whole.depth16.to_string().as_bytes());
+            }
             let corners = self.truth(i).map(Corners::to_array);
             put(&corners
                 .map(|c| c.map(f64::to_le_bytes).concat())
@@ -319,9 +372,46 @@ impl Sequence {
     }
 }
 
+/// The remarks about frames of a sequence, with the first file of each kind and their number.
+#[derive(Default)]
+pub(super) struct Remarks(BTreeMap<Remark, (File, usize)>);
+
+impl Remarks {
+    /// About one more file.
+    pub fn add(&mut self, remark: Remark, file: &File) {
+        self.0.entry(remark).or_insert_with(|| (file.clone(), 0)).1 += 1;
+    }
+
+    /// The first file of a kind.
+    pub fn first(&self, remark: Remark) -> Option<&File> {
+        self.0.get(&remark).map(|(file, _)| file)
+    }
+
+    /// A fault for each kind.
+    pub fn faults(self) -> Vec<(Remark, DatasetError)> {
+        let fault = |(remark, (file, frames)): (Remark, (File, usize))| {
+            (
+                remark,
+                DatasetError::new(file.path(), DatasetErrorKind::Remark { remark, frames }),
+            )
+        };
+        self.0.into_iter().map(fault).collect()
+    }
+}
+
 /// Reads and decodes a file.
-pub(super) fn read_frame(file: &File, colour: bool) -> Result<Pixels, DatasetError> {
-    decode(&file.read()?, colour).map_err(|e| DatasetError::new(file.path(), e.into()))
+pub(super) fn read_frame(file: &File, colour: bool, depth16: Depth16) -> Result<Pixels, DatasetError> {
+    decode_frame(file, &file.read()?, colour, depth16)
+}
+
+/// Decodes the content of a file.
+pub(super) fn decode_frame(
+    file: &File,
+    bytes: &[u8],
+    colour: bool,
+    depth16: Depth16,
+) -> Result<Pixels, DatasetError> {
+    decode_by(bytes, colour, depth16).map_err(|e| DatasetError::new(file.path(), e.into()))
 }
 
 /// A frame must have the size of the first.

@@ -9,6 +9,7 @@ use crate::store::summary::check_version;
 use crate::store::{Durable, FileError, write_atomic};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Version of the baseline file; changes when a reader of the former version would misread it.
@@ -49,6 +50,8 @@ struct RecordedLine {
 struct Recorded {
     version: String,
     command: Vec<String>,
+    #[serde(default)]
+    data: BTreeMap<String, String>,
     figures: Vec<RecordedLine>,
 }
 
@@ -124,6 +127,8 @@ pub struct Baseline {
     pub version: String,
     /// Arguments of `mtf-eval run` that make a comparable run; empty when unknown.
     pub command: Vec<String>,
+    /// Fingerprint of the data of each sequence, by `dataset/sequence`, as far as known.
+    pub data: BTreeMap<String, String>,
     /// Sorted by tracker and sequence, the pooled line of each tracker first.
     pub lines: Vec<Line>,
 }
@@ -169,8 +174,15 @@ impl Baseline {
             metrics: metrics.clone(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             command,
+            data: BTreeMap::new(),
             lines,
         }
+    }
+
+    /// The same of data with these fingerprints.
+    pub fn with_data(mut self, data: BTreeMap<String, String>) -> Baseline {
+        self.data = data;
+        self
     }
 
     /// Reads a baseline file for a program with `metrics`.
@@ -186,6 +198,7 @@ impl Baseline {
             metrics: metrics.clone(),
             version: recorded.version,
             command: recorded.command,
+            data: recorded.data,
             lines: lines.map(|line| Line::read(line, metrics)).collect(),
         })
     }
@@ -194,8 +207,16 @@ impl Baseline {
     pub fn to_json(&self) -> String {
         let line = |line: &Line| format!("    {}", json(&line.recorded()));
         let lines: Vec<String> = self.lines.iter().map(line).collect();
+        let data = self
+            .data
+            .iter()
+            .map(|(id, print)| format!("    {}: {}", json(id), json(print)));
+        let data = match data.collect::<Vec<_>>() {
+            data if data.is_empty() => String::new(),
+            data => format!("  \"data\": {{\n{}\n  }},\n", data.join(",\n")),
+        };
         format!(
-            "{{\n  \"schema_version\": {BASELINE_FORMAT_VERSION},\n  \"version\": {},\n  \"command\": {},\n  \"figures\": [\n{}\n  ]\n}}\n",
+            "{{\n  \"schema_version\": {BASELINE_FORMAT_VERSION},\n  \"version\": {},\n  \"command\": {},\n{data}  \"figures\": [\n{}\n  ]\n}}\n",
             json(&self.version),
             json(&self.command),
             lines.join(",\n"),
@@ -232,12 +253,18 @@ mod tests {
     #[test]
     fn file() {
         let command = ["builtin", "--sm", "esm,iclk"].map(str::to_owned).to_vec();
-        let recorded = Baseline::new(&example::results(), command);
+        let prints =
+            [("builtin/book", "1b"), ("builtin/wall", "a5")].map(|(id, print)| (id.into(), print.into()));
+        let recorded = Baseline::new(&example::results(), command).with_data(prints.into());
         insta::assert_snapshot!(recorded.to_json(), @r#"
         {
           "schema_version": 1,
           "version": "0.1.0",
           "command": ["builtin","--sm","esm,iclk"],
+          "data": {
+            "builtin/book": "1b",
+            "builtin/wall": "a5"
+          },
           "figures": [
             {"tracker":"esm/ssd/homography","dataset":"all","sequence":"pooled","start":0,"protocol":"ope","frames":6,"sr_5":1.0,"auc":0.963333,"al_median":0.175},
             {"tracker":"esm/ssd/homography","dataset":"builtin","sequence":"book","start":0,"protocol":"ope","frames":2,"sr_5":1.0,"auc":1.0,"al_median":0.05},

@@ -6,7 +6,8 @@ use crate::judge::change::{Change, Matched, equal};
 use crate::judge::stats::{Pair, Side, benjamini_hochberg, difference};
 use crate::metric::aggregate::{Average, Results, SequenceRow};
 use crate::metric::{Figure, MetricSet, Score};
-use crate::store::held::finished;
+use crate::plan::DataNotes;
+use crate::store::held::{Finished, finished};
 use crate::store::summary::{Summary, Thresholds};
 use crate::store::{FileError, StoreError};
 use rayon::prelude::*;
@@ -46,6 +47,8 @@ pub struct FinishedRun {
     results: Results,
     thresholds: Thresholds,
     description: Value,
+    /// Data that was not read as it stands.
+    pub data: DataNotes,
 }
 
 impl FinishedRun {
@@ -54,9 +57,10 @@ impl FinishedRun {
     /// # Errors
     /// `summary.json` or `run.json` is missing or damaged, or the run has not got to its end.
     pub fn read(dir: &Path, metrics: &MetricSet) -> Result<FinishedRun, StoreError> {
+        let Finished { summary, data, .. } = finished(dir, metrics)?;
         let Summary {
             results, thresholds, ..
-        } = finished(dir, metrics)?.summary;
+        } = summary;
         let path = dir.join("run.json");
         let text = files::read(&path, Kind::RESULTS).map_err(|e| FileError::io(&path, e))?;
         let description = serde_json::from_slice(&text).map_err(|e| FileError::format(&path, e))?;
@@ -65,6 +69,7 @@ impl FinishedRun {
             results,
             thresholds,
             description,
+            data,
         })
     }
 

@@ -140,6 +140,11 @@ pub fn gate(baseline: &Baseline, now: &Baseline, tolerances: &Tolerances) -> Fin
             .collect();
     }
     result.not_comparable = obstacles(baseline, now, &result);
+    let other_data = |(id, print): (&String, &String)| now.data.get(id).is_some_and(|other| other != print);
+    let changed = baseline.data.iter().filter(|pair| other_data(*pair));
+    let changed = changed
+        .map(|(id, _)| format!("{id}: other frames or ground truth (fingerprint) than in the baseline"));
+    result.not_comparable.extend(changed);
     if !today.is_empty() {
         let lacking = then.iter().filter(|name| !today.contains(name));
         let lacking = lacking.map(|name| format!("the run has no figure '{name}'"));
@@ -192,6 +197,20 @@ mod tests {
 
     fn baseline(units: &[UnitResult]) -> Baseline {
         Baseline::new(&example::of(units), Vec::new())
+    }
+
+    #[test]
+    fn other_data_is_not_comparable() {
+        let of = |print: &str| {
+            let data = [("builtin/wall".to_owned(), print.to_owned())];
+            let units = [example::unit("esm/ssd/homography", "wall", &[Some(0.5)])];
+            baseline(&units).with_data(data.into())
+        };
+        let findings = |old: &Baseline| gate(old, &of("1"), &usual()).not_comparable;
+        assert_eq!(findings(&of("1")), [""; 0]);
+        assert!(findings(&of("2"))[0].contains("builtin/wall: other frames"));
+        // A baseline that does not know its data is taken at its figures.
+        assert_eq!(findings(&of("2").with_data(Default::default())), [""; 0]);
     }
 
     fn usual() -> Tolerances {

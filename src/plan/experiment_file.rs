@@ -72,13 +72,14 @@ const LISTS: [&str; 11] = [
     "data", "protocol", "seq", "tag", "sm", "am", "ssm", "ilm", "tracker", "include", "exclude",
 ];
 /// Keys that take one value.
-const SINGLE: [&str; 13] = [
+const SINGLE: [&str; 14] = [
     "seed",
     "max_frames",
     "frame_gap",
     "truth_start",
     "truth_step",
     "pre",
+    "depth16",
     "gt_ssm",
     "on_bad_data",
     "origin",

@@ -1,6 +1,7 @@
 //! What is asked of a run and what it consists of: requests, experiment files, protocols, units, keys, seeds, shards.
 //! Depends on `dataset` and `metric`.
 
+mod data_notes;
 mod error;
 mod experiment_file;
 mod keys;
@@ -12,6 +13,7 @@ mod spread;
 mod tracker;
 mod units;
 
+pub use data_notes::{DataNote, DataNotes};
 pub use error::PlanError;
 pub use experiment_file::{ExperimentFile, ExperimentFileError, Located};
 pub use keys::{UnitKey, UnitKeys};

@@ -1,5 +1,6 @@
 //! What is asked of a run: trackers that can be made, sequences that can be read, how and where.
 
+use super::data_notes::DataNotes;
 use super::error::PlanError;
 use super::protocol::Protocols;
 use super::shard::Shard;
@@ -58,6 +59,8 @@ pub struct RunRequest {
     pub timeout: Option<Duration>,
     /// Longest time that units in progress are given to end once the run is asked to stop.
     pub grace: Duration,
+    /// Data that was not read as it stands.
+    pub data_notes: DataNotes,
     /// What else `run.json` shall say about the data and settings (reproducible).
     pub about: Map<String, Value>,
     /// What else `run.json` shall say about this very execution (command line, revision).
@@ -178,6 +181,12 @@ impl RunRequestBuilder {
         self
     }
 
+    /// Data that was not read as it stands.
+    pub fn data_notes(mut self, notes: DataNotes) -> Self {
+        self.request.data_notes = notes;
+        self
+    }
+
     /// What else `run.json` shall say about the data and settings; must be the same whenever and wherever the run is made.
     pub fn about(mut self, about: Map<String, Value>) -> Self {
         self.request.about = about;
@@ -272,6 +281,7 @@ impl RunRequest {
                 hurry: false,
                 timeout: None,
                 grace: RunRequest::GRACE,
+                data_notes: DataNotes::default(),
                 about: Map::new(),
                 host: Map::new(),
             },
@@ -360,6 +370,7 @@ impl RunRequest {
             pre: self.pre.id(),
             frame_logs: self.frame_logs,
             metrics: self.metrics.added_names(),
+            data: self.data_notes.clone(),
             about: self.about.clone(),
             trackers: trackers.iter().map(describe).collect(),
             sequences: planned,

@@ -193,6 +193,7 @@ mod tests {
 
     fn plan(trackers: usize, sequences: &[(usize, &[u32])]) -> Plan {
         Plan {
+            data: Default::default(),
             schema_version: 1,
             tool: "t".into(),
             version: "1".into(),

@@ -3,12 +3,14 @@
 //! A [`Plan`] is what `run.json` records: enough to know every unit of the run, its key and its seed without trackers or
 //! data.
 
+use super::data_notes::DataNotes;
+use super::keys::{UnitKey, UnitKeys};
 use super::protocol::{Protocol, Protocols};
 use super::seed::derived_seed;
 use crate::metric::aggregate::TrackerName;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 /// Version of the run directory's formats and of the protocols; part of every unit's key.
 pub const RUN_FORMAT_VERSION: u32 = 2;
@@ -94,7 +96,7 @@ pub struct PlannedSequence {
     pub frames: usize,
     /// Frames on which trackers start, ascending, for each protocol.
     pub starts: Vec<Vec<u32>>,
-    /// Hash of ground truth, names and sizes of the frames.
+    /// Hash of ground truth, names and contents of the frames.
     pub fingerprint: String,
 }
 
@@ -125,6 +127,9 @@ pub struct Plan {
     /// Names of the metrics that the program adds to its own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub metrics: Vec<String>,
+    /// Data that was not read as it stands.
+    #[serde(flatten)]
+    pub data: DataNotes,
     /// What else is recorded about data and settings; says nothing about results that the rest does not.
     #[serde(flatten)]
     pub about: Map<String, Value>,
@@ -234,20 +239,105 @@ impl Plan {
         derived_seed(self.seed, &names, Some(u64::from(start)))
     }
 
+    /// What every unit depends on: name and value.
+    fn settings(&self) -> [(&'static str, String); 5] {
+        [
+            ("schema version", self.schema_version.to_string()),
+            ("version", self.version.clone()),
+            ("seed", self.seed.to_string()),
+            ("filter", self.pre.clone()),
+            ("added metrics", self.metrics.join(",")),
+        ]
+    }
+
+    /// What keeps `later` from being of the same experiment as a run of this plan, which it may widen or be a part of: settings
+    /// that differ; protocols, trackers and sequences that it lacks while it has units of others; and data that differs unless it was
+    /// [asked for](Self::about) alike (files that changed in place).
+    pub fn departures(&self, later: &Plan) -> Vec<String> {
+        let mut found = Vec::new();
+        for ((what, a), (_, b)) in self.settings().into_iter().zip(later.settings()) {
+            if a != b {
+                found.push(format!("{what} {a} against {b}"));
+            }
+        }
+        let lacking = self.lacking(later);
+        if !lacking.is_empty() && later.adds_to(self) {
+            found.extend(
+                lacking
+                    .into_iter()
+                    .map(|what| format!("{what} is not in the new one")),
+            );
+        }
+        let parameters: BTreeMap<&str, &Value> = later
+            .trackers
+            .iter()
+            .map(|t| (t.id.as_str(), &t.parameters))
+            .collect();
+        let other = |t: &&PlannedTracker| parameters.get(t.id.as_str()).is_some_and(|p| **p != t.parameters);
+        let other = self.trackers.iter().filter(other);
+        found.extend(other.map(|tracker| format!("other parameters of {}", tracker.id)));
+        let changed = self.changed(later);
+        if !changed.is_empty() && self.about != later.about {
+            let reasons = later
+                .about
+                .iter()
+                .filter(|(key, _)| *key != "command")
+                .filter_map(|(key, value)| {
+                    let old = self.about.get(key).unwrap_or(&Value::Null);
+                    (old != value).then(|| format!("{key} {old} against {value}"))
+                });
+            found.extend(reasons);
+            found.extend(
+                changed
+                    .into_iter()
+                    .map(|id| format!("other frames or ground truth of {id}")),
+            );
+        }
+        found
+    }
+
+    /// Whether it has units that `other` lacks.
+    fn adds_to(&self, other: &Plan) -> bool {
+        let keys = UnitKeys::new(other);
+        let there: HashSet<UnitKey> = other.units().map(|unit| keys.of(&unit)).collect();
+        let keys = UnitKeys::new(self);
+        self.units().any(|unit| !there.contains(&keys.of(&unit)))
+    }
+
+    /// Protocols, trackers and sequences that `other` lacks.
+    pub fn lacking(&self, other: &Plan) -> Vec<String> {
+        fn parts(plan: &Plan) -> impl Iterator<Item = String> {
+            let protocols = plan.protocol.iter().map(|p| format!("protocol {p}"));
+            let trackers = plan.trackers.iter().map(|t| format!("tracker {}", t.id));
+            let sequences = plan.sequences.iter().map(|s| format!("sequence {}", s.id()));
+            protocols.chain(trackers).chain(sequences)
+        }
+        let there: BTreeSet<String> = parts(other).collect();
+        parts(self).filter(|part| !there.contains(part)).collect()
+    }
+
+    /// Sequences of which `later` has other frames or ground truth.
+    pub fn changed(&self, later: &Plan) -> Vec<String> {
+        let prints: BTreeMap<String, &str> = later
+            .sequences
+            .iter()
+            .map(|s| (s.id(), s.fingerprint.as_str()))
+            .collect();
+        let ids = self.sequences.iter().map(|s| (s.id(), s.fingerprint.as_str()));
+        let changed = ids.filter(|(id, print)| prints.get(id).is_some_and(|other| other != print));
+        changed.map(|(id, _)| id).collect()
+    }
+
     /// The first thing in which `other` asks for other results than `self`; the way of asking does not count.
     pub fn difference(&self, other: &Plan) -> Option<String> {
-        let settings = |p: &Plan| -> [(&'static str, String); 7] {
-            [
-                ("schema version", p.schema_version.to_string()),
-                ("version", p.version.clone()),
+        let settings = |p: &Plan| {
+            let own = [
                 ("protocol", p.protocol.to_string()),
-                ("seed", p.seed.to_string()),
-                ("filter", p.pre.clone()),
                 ("frame logs", p.frame_logs.extension().to_owned()),
-                ("added metrics", p.metrics.join(",")),
-            ]
+            ];
+            p.settings().into_iter().chain(own)
         };
-        for ((what, a), (_, b)) in settings(self).into_iter().zip(settings(other)) {
+        for ((what, a), (_, b)) in settings(self).zip(settings(other)) {
             if a != b {
                 return Some(format!("{what} {a} against {b}"));
             }

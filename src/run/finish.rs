@@ -16,7 +16,7 @@ use crate::store::framelog::{score_log, unpack_log};
 use crate::store::held::{Endings, ending};
 use crate::store::host::{build, host_name};
 use crate::store::journal::{Entry, EntryStatus, Journal, UnitTime};
-use crate::store::rundir::{RunDir, digest};
+use crate::store::rundir::{Recorded, RunDir, digest};
 use crate::store::truth::{self, KeptTruth};
 use rayon::prelude::*;
 use serde_json::{Map, Value};
@@ -150,35 +150,58 @@ pub(crate) fn host(threads: usize) -> Map<String, Value> {
     host
 }
 
-/// Writes `run.json`, `truth.csv` and the `tracker.json` of each tracker of `units`.
+/// Writes `run.json`, `truth.csv` and the `tracker.json` of each tracker of `units`; returns what `run.json` says.
 pub(crate) fn describe(
     dir: &RunDir,
     plan: &Plan,
     units: &[Unit],
     truth: &[KeptTruth],
-    host: &Map<String, Value>,
-) -> Result<(), StoreError> {
-    let path = dir.path().join("run.json");
-    let json = |e: serde_json::Error| StoreError::io(&path, e.into());
-    let pretty = |value: &Value| format!("{value:#}\n").into_bytes();
-    let mut run = serde_json::to_value(plan).map_err(json)?;
-    run["host"] = Value::Object(host.clone());
+    host: Map<String, Value>,
+) -> Result<Recorded, StoreError> {
     for tracker in units.iter().map(|unit| unit.tracker).collect::<BTreeSet<_>>() {
-        let tracker = &plan.trackers[tracker as usize];
-        let value = serde_json::to_value(tracker).map_err(json)?;
+        let (path, bytes) = dir.tracker_file(&plan.trackers[tracker as usize]);
         // Written again by the next run if a loss of power damages it.
-        let path = dir.tracker_dir(&tracker.slug).join("tracker.json");
-        dir.put(&path, &pretty(&value), Durable::Later)?;
+        dir.put(&path, &bytes, Durable::Later)?;
     }
     let truth = truth::format(&plan.sequences, truth);
-    run["truth"] = digest(&truth).into();
+    let recorded = Recorded {
+        plan: plan.clone(),
+        truth: digest(&truth),
+        host,
+    };
     dir.put(&dir.path().join("truth.csv"), &truth, Durable::Now)?;
-    dir.put(&path, &pretty(&run), Durable::Now)
+    write_description(dir, &recorded)?;
+    Ok(recorded)
 }
+
+/// Writes the digests of all result files into `run.json`: the run has ended.
+pub(crate) fn seal(dir: &RunDir, mut recorded: Recorded, exporters: &Exporters) -> Result<(), StoreError> {
+    let digest_of = |name: &str| -> Result<(String, String), StoreError> {
+        let path = dir.path().join(name);
+        let bytes = files::read(&path, Kind::RESULTS).map_err(|e| StoreError::io(&path, e))?;
+        Ok((name.to_owned(), digest(&bytes)))
+    };
+    let digests: Vec<_> = exporters
+        .files()
+        .chain([TIMING])
+        .map(digest_of)
+        .collect::<Result<_, _>>()?;
+    recorded.set_files(digests);
+    write_description(dir, &recorded)
+}
+
+fn write_description(dir: &RunDir, recorded: &Recorded) -> Result<(), StoreError> {
+    let path = dir.path().join("run.json");
+    let bytes = recorded.to_bytes().map_err(|e| StoreError::io(&path, e.into()))?;
+    dir.put(&path, &bytes, Durable::Now)
+}
+
+/// Speed of each unit.
+const TIMING: &str = "timing.csv";
 
 /// Writes `timing.csv`: the file that differs between machines.
 fn write_timing(dir: &RunDir, plan: &Plan, times: &[(Unit, UnitTime)]) -> Result<(), StoreError> {
-    let path = dir.path().join("timing.csv");
+    let path = dir.path().join(TIMING);
     let cpu = cpu_name();
     let mut out = csv::Writer::from_writer(Vec::new());
     let write = |out: &mut csv::Writer<Vec<u8>>, fields: &[&str]| {

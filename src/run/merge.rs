@@ -207,7 +207,7 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
     host.insert("merged".into(), request.parts.len().into());
     host.extend(request.host.clone());
     dir.discard_results(&files)?;
-    finish::describe(&dir, &plan, &units, &truth, &host)?;
+    let recorded = finish::describe(&dir, &plan, &units, &truth, host)?;
     let elsewhere: Vec<(&Unit, &Part)> = units
         .iter()
         .zip(&chosen)
@@ -242,6 +242,7 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
         journal: &journal,
     };
     let (results, failed) = source.finish(&units, &pool)?;
+    finish::seal(&dir, recorded, &request.exporters)?;
     drop(dir);
     if let Some(aside) = &aside {
         let (old, _) = RunDir::open(&request.out, true, &files)?;
@@ -253,6 +254,7 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
         units: units.len(),
         resumed: units.len() - elsewhere.len(),
         failed,
+        data: plan.data.clone(),
         profile: None,
     })))
 }

@@ -1,7 +1,7 @@
 //! A run from request to result files: lock, plan, resume, track, aggregate.
 
 use crate::metric::Results;
-use crate::plan::{RunRequest, Sharding, Unit, UnitKeys};
+use crate::plan::{DataNotes, Plan, RunRequest, Sharding, Unit, UnitKeys};
 use crate::report::Exporters;
 use crate::run::error::RunError;
 use crate::run::finish::{self, ResultSource};
@@ -14,7 +14,7 @@ use crate::store::StoreError;
 use crate::store::held::{Held, held};
 use crate::store::host::build;
 use crate::store::journal::{EntryStatus, Journal, JournalWriter};
-use crate::store::rundir::RunDir;
+use crate::store::rundir::{Recorded, RunDir};
 use crate::store::truth;
 use rayon::prelude::*;
 use serde_json::Value;
@@ -40,6 +40,8 @@ pub struct RunReport {
     pub resumed: usize,
     /// Units without a result: `tracker on dataset/sequence`, and why.
     pub failed: Vec<(String, String)>,
+    /// Data that was not read as it stands.
+    pub data: DataNotes,
     /// Where the time went; `None` when an earlier run had done everything.
     pub profile: Option<Profile>,
 }
@@ -91,6 +93,10 @@ pub fn run(
             journal.damaged
         ));
     }
+    let last = match earlier(&dir, plan, journal.is_empty(), observer) {
+        Ok(earlier) => Last::of(earlier.as_ref()),
+        Err(error) => return Err(error.into()),
+    };
     let truth = truth::of(&prepared);
     let mut done = Vec::new();
     let mut builds = BTreeSet::new();
@@ -107,7 +113,6 @@ pub fn run(
     }
     builds.insert(build().to_owned());
     one_build(&request.out, &builds, request.mix_builds)?;
-    let last = Last::of(&dir);
     let mut host = finish::host(threads);
     host.insert("shard".into(), request.shard.map(|s| s.to_string()).into());
     host.insert("held".into(), done.iter().filter(|done| **done).count().into());
@@ -115,7 +120,7 @@ pub fn run(
     if done.contains(&false) {
         dir.discard_results(&files)?;
     }
-    finish::describe(&dir, plan, &units, &truth, &host)?;
+    let recorded = finish::describe(&dir, plan, &units, &truth, host)?;
 
     let mut pending: Vec<Unit> = units
         .iter()
@@ -205,14 +210,68 @@ pub fn run(
         journal: &journal,
     };
     let (results, failed) = source.finish(&units, &pool)?;
+    finish::seal(&dir, recorded, exporters)?;
     Ok(RunReport {
         path: dir.path().to_path_buf(),
         results,
         units: units.len(),
         resumed,
         failed,
+        data: plan.data.clone(),
         profile,
     })
+}
+
+/// The run before in the same directory, which `plan` must go on with unless it left nothing; warns of what is left out of
+/// the tables, and of data that has changed in its place since.
+///
+/// # Errors
+/// [`StoreError::OtherExperiment`] when results would be replaced by others; a description that cannot be read.
+fn earlier(
+    dir: &RunDir,
+    plan: &Plan,
+    nothing_done: bool,
+    observer: &dyn Observer,
+) -> Result<Option<Recorded>, StoreError> {
+    let recorded = match dir.recorded() {
+        Ok(recorded) => recorded,
+        Err(StoreError::NoRun { .. }) if nothing_done => return Ok(None),
+        Err(StoreError::NoRun { .. }) if !dir.path().join("run.json").exists() => return Ok(None),
+        Err(StoreError::NoRun { path, reason }) => {
+            let differences = vec![reason];
+            return Err(StoreError::OtherExperiment { path, differences });
+        }
+        Err(StoreError::Damaged { path, reason }) => {
+            observer.warn(&format!("{}: damaged ({reason}), written anew", path.display()));
+            return Ok(None);
+        }
+        Err(error) => return Err(error),
+    };
+    if nothing_done {
+        return Ok(Some(recorded));
+    }
+    let differences = recorded.plan.departures(plan);
+    if !differences.is_empty() {
+        let path = dir.path().to_path_buf();
+        return Err(StoreError::OtherExperiment { path, differences });
+    }
+    if let [first, rest @ ..] = &recorded.plan.lacking(plan)[..] {
+        let more = match rest.len() {
+            0 => " is".to_owned(),
+            n => format!(" and {n} more are"),
+        };
+        observer.warn(&format!(
+            "{first}{more} not asked for and left out of the tables; the results stay in {}",
+            dir.path().display()
+        ));
+    }
+    for id in recorded.plan.changed(plan) {
+        observer.warn(&format!(
+            "{id}: its frames or ground truth have changed since the last run in {}; it is tracked again",
+            dir.path().display()
+        ));
+    }
+    Ok(Some(recorded))
 }
 
 /// What the run before in the same directory left.
@@ -225,8 +284,8 @@ struct Last {
 }
 
 impl Last {
-    fn of(dir: &RunDir) -> Last {
-        let Ok(recorded) = dir.recorded() else {
+    fn of(earlier: Option<&Recorded>) -> Last {
+        let Some(recorded) = earlier else {
             return Last::default();
         };
         let held = recorded.host.get("held").and_then(Value::as_u64);

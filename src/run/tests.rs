@@ -7,6 +7,7 @@ use crate::metric::aggregate::TrackerName;
 use crate::plan::{FrameLogs, PlanError, Protocol, Protocols, RunRequest, TrackerEntry, Unit};
 use crate::report::Exporters;
 use crate::run::RunError;
+use crate::store::StoreError;
 use crate::store::journal::{EntryStatus, Journal};
 use mtf::geom::Corners;
 use mtf::image::{Frame, Identity};
@@ -189,6 +190,7 @@ impl Bench {
 
     fn request(&self, out: &str, trackers: Vec<TrackerEntry>) -> RunRequest {
         RunRequest {
+            data_notes: Default::default(),
             trackers,
             sequences: self.sequences.clone(),
             pre: Arc::new(Identity),
@@ -395,11 +397,14 @@ fn what_can_change_a_result_makes_a_new_unit_and_logs_are_checked() {
     let reference = files(&request.out);
     assert_eq!(go(&request).unwrap().resumed, 2);
     request.seed = 8;
+    assert!(differences(&request)[0].contains("seed 7 against 8"));
+    request.force = true;
     assert_eq!(go(&request).unwrap().resumed, 0);
     assert_ne!(files(&request.out), reference);
-    // The journal still has the units of the first seed, but their logs were replaced.
     request.seed = 7;
     assert_eq!(go(&request).unwrap().resumed, 0);
+    request.force = false;
+    assert_eq!(go(&request).unwrap().resumed, 2);
     assert_eq!(files(&request.out), reference);
     let log = request
         .out
@@ -415,6 +420,14 @@ fn what_can_change_a_result_makes_a_new_unit_and_logs_are_checked() {
     assert_eq!(files(&request.out), reference);
 }
 
+/// What keeps the request from going on in its directory.
+fn differences(request: &RunRequest) -> Vec<String> {
+    match go(request) {
+        Err(RunError::Store(StoreError::OtherExperiment { differences, .. })) => differences,
+        other => panic!("{other:?}"),
+    }
+}
+
 #[test]
 fn a_smaller_grid_leaves_the_rest_on_disk_but_out_of_the_figures() {
     let bench = Bench::new(&[9]);
@@ -424,6 +437,14 @@ fn a_smaller_grid_leaves_the_rest_on_disk_but_out_of_the_figures() {
     let summary = fs::read_to_string(report.path.join("summary.csv")).unwrap();
     assert!(summary.contains("t0") && !summary.contains("t1"));
     assert!(report.path.join("frames/t1").exists());
+    // Others in their place are another experiment; more of them are not.
+    let others = many(4).into_iter().skip(1);
+    assert_eq!(
+        differences(&bench.request("out", others.collect())),
+        ["tracker t0 is not in the new one"]
+    );
+    let report = go(&bench.request("out", many(4))).unwrap();
+    assert_eq!((report.units, report.resumed), (4, 3));
 }
 
 #[test]

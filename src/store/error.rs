@@ -40,6 +40,14 @@ pub enum StoreError {
         /// What differs.
         reason: String,
     },
+    /// The directory holds results that the run would replace by others.
+    #[error("{path} holds another experiment ({}): choose another --out, or --force to discard it", listed(.differences), path = .path.display())]
+    OtherExperiment {
+        /// The run directory.
+        path: PathBuf,
+        /// What differs, of the directory's run against the new one; at least one.
+        differences: Vec<String>,
+    },
     /// A run that has not got to its end.
     #[error("{path} is incomplete: {missing} of {units} units have no result; run its command again to go on", path = .path.display())]
     Incomplete {
@@ -86,6 +94,16 @@ pub enum StoreError {
         /// What is wrong with it.
         reason: String,
     },
+}
+
+/// The first few differences, and how many more there are.
+fn listed(differences: &[String]) -> String {
+    const SHOWN: usize = 4;
+    let mut text = differences[..differences.len().min(SHOWN)].join("; ");
+    if differences.len() > SHOWN {
+        text += &format!("; and {} more", differences.len() - SHOWN);
+    }
+    text
 }
 
 /// Whether there is no room for a file: the disk or quota is full, or a limit of file sizes is reached.

@@ -2,11 +2,12 @@
 
 use crate::files::{self, Kind};
 use crate::metric::MetricSet;
-use crate::plan::{FrameLogs, Plan, Shard, Sharding, Unit, UnitKey, UnitKeys};
+use crate::plan::{DataNotes, FrameLogs, Plan, Unit, UnitKey, UnitKeys};
 use crate::store::StoreError;
 use crate::store::journal::{Entry, EntryStatus, Journal};
-use crate::store::rundir::{Recorded, RunDir, digest};
+use crate::store::rundir::{RunDir, digest};
 use crate::store::summary::{self, Summary};
+use std::collections::BTreeMap;
 use std::hash::Hasher;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -46,18 +47,6 @@ pub fn held(dir: &RunDir, plan: &Plan, unit: &Unit, journal: &Journal, key: &Uni
         None if plan.frame_logs == FrameLogs::None && entry.errors.is_some() => Held::Result(entry),
         // A result that was kept otherwise than this run keeps them.
         None => Held::Nothing,
-    }
-}
-
-/// The units that a run directory is for: those of its shard.
-pub fn units_of(recorded: &Recorded) -> Vec<Unit> {
-    let plan = &recorded.plan;
-    match recorded.shard() {
-        None => plan.units().collect(),
-        Some(Shard { cut, index, count }) => {
-            let sharding = Sharding::new(plan, cut, count);
-            plan.units().filter(|unit| sharding.of(unit) == index).collect()
-        }
     }
 }
 
@@ -115,6 +104,10 @@ pub struct Finished {
     pub summary: Summary,
     /// There is a description and a journal to compare it with; else it stands alone.
     pub whole: bool,
+    /// Data that was not read as it stands.
+    pub data: DataNotes,
+    /// Fingerprint of the data of each sequence, by `dataset/sequence`.
+    pub fingerprints: BTreeMap<String, String>,
 }
 
 /// Reads the results in the directory `path` as a run of `metrics`, and compares them with what else the directory holds.
@@ -136,12 +129,14 @@ pub fn finished(path: &Path, metrics: &MetricSet) -> Result<Finished, StoreError
         return Ok(Finished {
             summary,
             whole: false,
+            data: DataNotes::default(),
+            fingerprints: BTreeMap::new(),
         });
     }
     let recorded = dir.recorded()?;
     dir.lay_out(&recorded.plan);
     let journal = Journal::read(&dir.journal())?;
-    let (keys, units) = (UnitKeys::new(&recorded.plan), units_of(&recorded));
+    let (keys, units) = (UnitKeys::new(&recorded.plan), recorded.units());
     let missing = units
         .iter()
         .filter(|unit| journal.status(&keys.of(unit)).is_none());
@@ -163,10 +158,25 @@ pub fn finished(path: &Path, metrics: &MetricSet) -> Result<Finished, StoreError
         }
         other => other?,
     };
-    if summary.made_from != ended {
-        return Err(StoreError::Stale {
-            path: path.join(summary::FILE),
+    let file = path.join(summary::FILE);
+    let Some(expected) = recorded
+        .digest_of(summary::FILE)
+        .filter(|_| summary.made_from == ended)
+    else {
+        return Err(StoreError::Stale { path: file });
+    };
+    if digest(&files::read(&file, Kind::RESULTS).map_err(|e| StoreError::io(&file, e))?) != expected {
+        return Err(StoreError::Damaged {
+            path: file,
+            reason: "its checksum is not the one in run.json".into(),
         });
     }
-    Ok(Finished { summary, whole: true })
+    let Plan { data, sequences, .. } = recorded.plan;
+    let fingerprints = sequences.into_iter().map(|s| (s.id(), s.fingerprint)).collect();
+    Ok(Finished {
+        summary,
+        whole: true,
+        data,
+        fingerprints,
+    })
 }

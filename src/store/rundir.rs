@@ -1,7 +1,7 @@
 //! A run directory: its lock, its atomic writes and its file names.
 
 use crate::files::{self, Kind};
-use crate::plan::{FrameLogs, Plan, RUN_FORMAT_VERSION, Shard, Unit};
+use crate::plan::{FrameLogs, Plan, PlannedTracker, RUN_FORMAT_VERSION, Shard, Sharding, Unit};
 use crate::store::Durable;
 use crate::store::atomic::{UNFINISHED, replace};
 use crate::store::error::StoreError;
@@ -9,9 +9,11 @@ use crate::store::journal;
 use crate::store::lock::{self, Holder};
 use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
+use twox_hash::XxHash64;
 
 /// Files at the top of a run directory, besides result files, that a fresh start removes.
 const TOP_FILES: [&str; 4] = ["run.json", "truth.csv", "timing.csv", "journal.jsonl"];
@@ -45,11 +47,77 @@ pub struct Recorded {
     pub host: Map<String, Value>,
 }
 
+/// Where `run.json` has its own checksum, and the digests of result files once they are written.
+const HOST: &str = "host";
+const SUM: &str = "sum";
+const FILES: &str = "files";
+
+/// The checksum of a description that does not have it: XXH64, 16 hexadecimal digits.
+fn sum(description: &Map<String, Value>) -> String {
+    // Strings and numbers always serialise.
+    let text = serde_json::to_vec(description).unwrap_or_default();
+    format!("{:016x}", XxHash64::oneshot(0, &text))
+}
+
+/// As a file of JSON for people.
+pub(crate) fn pretty(value: &Value) -> Vec<u8> {
+    format!("{value:#}\n").into_bytes()
+}
+
+/// Reads back what [`Recorded::to_bytes`] wrote.
+fn described(bytes: &[u8]) -> Result<Map<String, Value>, String> {
+    let mut value: Map<String, Value> = serde_json::from_slice(bytes).map_err(|e| e.to_string())?;
+    let host = value.get_mut(HOST).and_then(Value::as_object_mut);
+    let found = host.and_then(|host| host.remove(SUM));
+    match found {
+        Some(found) if found == sum(&value) => Ok(value),
+        _ => Err("its checksum is not that of what it says".into()),
+    }
+}
+
 impl Recorded {
+    /// The file.
+    pub(crate) fn to_bytes(&self) -> serde_json::Result<Vec<u8>> {
+        let Value::Object(mut run) = serde_json::to_value(&self.plan)? else {
+            return Ok(Vec::new());
+        };
+        run.insert(HOST.into(), self.host.clone().into());
+        run.insert("truth".into(), self.truth.as_str().into());
+        let sum = sum(&run);
+        run[HOST][SUM] = sum.into();
+        Ok(pretty(&run.into()))
+    }
+
+    /// SHA-256 of each result file, once the run has ended.
+    pub(crate) fn set_files(&mut self, files: impl IntoIterator<Item = (String, String)>) {
+        let files: Map<String, Value> = files
+            .into_iter()
+            .map(|(name, digest)| (name, digest.into()))
+            .collect();
+        self.host.insert(FILES.into(), files.into());
+    }
+
+    /// SHA-256 of the result file `name`; `None` when the run has not ended.
+    pub fn digest_of(&self, name: &str) -> Option<&str> {
+        self.host.get(FILES)?.get(name)?.as_str()
+    }
+
     /// The part of the plan that the directory is for; all of it without.
     pub fn shard(&self) -> Option<Shard> {
         let shard = self.host.get("shard").and_then(Value::as_str);
         shard.and_then(|s| s.parse().ok())
+    }
+
+    /// The units that the directory is for: those of its shard.
+    pub fn units(&self) -> Vec<Unit> {
+        let plan = &self.plan;
+        match self.shard() {
+            None => plan.units().collect(),
+            Some(Shard { cut, index, count }) => {
+                let sharding = Sharding::new(plan, cut, count);
+                plan.units().filter(|unit| sharding.of(unit) == index).collect()
+            }
+        }
     }
 }
 
@@ -116,9 +184,12 @@ impl RunDir {
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Err(no_run("no run.json".into())),
             other => other.map_err(|e| StoreError::io(&path, e))?,
         };
-        let mut value: Map<String, Value> =
-            serde_json::from_slice(&bytes).map_err(|e| no_run(format!("run.json: {e}")))?;
-        let host = match value.remove("host") {
+        let damaged = |reason| StoreError::Damaged {
+            path: path.clone(),
+            reason,
+        };
+        let mut value = described(&bytes).map_err(damaged)?;
+        let host = match value.remove(HOST) {
             Some(Value::Object(host)) => host,
             _ => Map::new(),
         };
@@ -133,6 +204,40 @@ impl RunDir {
         let plan =
             serde_json::from_value(Value::Object(value)).map_err(|e| no_run(format!("run.json: {e}")))?;
         Ok(Recorded { plan, truth, host })
+    }
+
+    /// Files besides the journal and frame logs that are not as the run that `recorded` describes wrote them, or are gone.
+    pub fn altered(&self, recorded: &Recorded) -> Vec<PathBuf> {
+        let is = |path: &Path, digest_: &str| {
+            files::read(path, Kind::RESULTS).is_ok_and(|b| digest(&b) == digest_)
+        };
+        let results = recorded.host.get(FILES).and_then(Value::as_object);
+        let results = results
+            .into_iter()
+            .flatten()
+            .map(|(name, digest)| (name.as_str(), digest.as_str()));
+        let truth = ("truth.csv", Some(recorded.truth.as_str()));
+        let mut altered: Vec<PathBuf> = results
+            .chain([truth])
+            .filter(|(name, digest)| !is(&self.path.join(name), digest.unwrap_or_default()))
+            .map(|(name, _)| self.path.join(name))
+            .collect();
+        let units = recorded.units();
+        let trackers: BTreeSet<u32> = units.iter().map(|unit| unit.tracker).collect();
+        for tracker in trackers {
+            let (path, bytes) = self.tracker_file(&recorded.plan.trackers[tracker as usize]);
+            if !files::read(&path, Kind::RESULTS).is_ok_and(|found| found == bytes) {
+                altered.push(path);
+            }
+        }
+        altered
+    }
+
+    /// Path and content of the description of a tracker.
+    pub(crate) fn tracker_file(&self, tracker: &PlannedTracker) -> (PathBuf, Vec<u8>) {
+        let path = self.tracker_dir(&tracker.slug).join("tracker.json");
+        // Strings and numbers always serialise.
+        (path, pretty(&serde_json::to_value(tracker).unwrap_or_default()))
     }
 
     /// Removes unfinished files that a killed run left: at the top, and `below` it too.
@@ -261,10 +366,10 @@ fn recognise(path: &Path, results: &[&str]) -> Result<(), StoreError> {
     if is_run(&path.join("run.json")) {
         return Ok(());
     }
-    if path.join("run.json").exists() {
+    if path.join("run.json").exists() && !journal::is_journal(&path.join("journal.jsonl")) {
         return refuse("its run.json is of another program");
     }
-    // A run that was killed early, or one whose description was lost: nothing but files of a run, with their contents.
+    // A run that was killed early, or one whose description was lost or damaged: nothing but files of a run, with their contents.
     let entries = fs::read_dir(path).map_err(|e| StoreError::io(path, e))?;
     for entry in entries.flatten() {
         let (name, file) = (entry.file_name().to_string_lossy().into_owned(), entry.path());

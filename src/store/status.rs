@@ -1,8 +1,8 @@
 //! How far a run directory is, whoever writes to it.
 
-use crate::plan::UnitKeys;
+use crate::plan::{DataNotes, UnitKeys};
 use crate::store::error::StoreError;
-use crate::store::held::{Held, held, units_of};
+use crate::store::held::{Held, held};
 use crate::store::journal::{EntryStatus, Journal};
 use crate::store::lock::Holder;
 use crate::store::rundir::RunDir;
@@ -62,6 +62,12 @@ pub struct Status {
     /// Files that are damaged or gone.
     #[serde(skip)]
     pub unusable: Vec<PathBuf>,
+    /// Files besides the journal and frame logs that are not as the run wrote them; looked for only while nobody works on the
+    /// directory.
+    pub altered: Vec<PathBuf>,
+    /// Data that was not read as it stands.
+    #[serde(flatten)]
+    pub data: DataNotes,
     /// Units that failed, and why.
     #[serde(skip)]
     pub failures: Vec<(String, String)>,
@@ -105,10 +111,15 @@ pub fn status(path: &Path) -> Result<Status, StoreError> {
         left_seconds: None,
         missing_units: Vec::new(),
         unusable: Vec::new(),
+        altered: match activity {
+            Activity::Idle | Activity::Dead => dir.altered(&recorded),
+            Activity::Running | Activity::Elsewhere => Vec::new(),
+        },
+        data: plan.data.clone(),
         failures: Vec::new(),
     };
     let mut this_run = 0;
-    for unit in units_of(&recorded) {
+    for unit in recorded.units() {
         let frames = plan.unit_frames(&unit);
         status.units += 1;
         status.frames += frames;

@@ -157,6 +157,8 @@ struct Component {
     down: usize,
     /// Blocks that cover it, in a scan of its own.
     blocks: [usize; 2],
+    /// Of each coefficient of a block, in zigzag order: low bits that no scan has coded so far.
+    uncoded: [u8; 64],
     /// Of each block, which coefficients are not 0, in zigzag order; kept for progressive files.
     nonzero: Vec<u64>,
 }
@@ -186,7 +188,13 @@ pub(super) fn ends_early(bytes: &[u8]) -> bool {
     matches!(walk(bytes), Err(Stop::Short))
 }
 
-fn walk(bytes: &[u8]) -> Result<(), Stop> {
+/// Whether the scans in the JPEG file `bytes` are all there and code every bit of every coefficient.
+pub(super) fn is_whole(bytes: &[u8]) -> bool {
+    let whole = |c: &Component| c.uncoded.iter().all(|&bits| bits == 0);
+    walk(bytes).is_ok_and(|picture| !picture.components.is_empty() && picture.components.iter().all(whole))
+}
+
+fn walk(bytes: &[u8]) -> Result<Picture, Stop> {
     let mut picture = Picture::default();
     let mut at = 2;
     loop {
@@ -199,7 +207,7 @@ fn walk(bytes: &[u8]) -> Result<(), Stop> {
         let marker = bits.skip_to_marker().ok_or(Stop::Unclear)?;
         at = bits.at + 2;
         match marker {
-            0xd9 => return Ok(()),
+            0xd9 => return Ok(picture),
             0x01 | 0xd0..=0xd8 => continue,
             _ => {}
         }
@@ -256,6 +264,7 @@ impl Picture {
                     across,
                     down,
                     blocks,
+                    uncoded: [u8::MAX; 64],
                     nonzero: vec![0; kept],
                 }
             })
@@ -355,6 +364,10 @@ impl Picture {
                     }
                 }
             }
+        }
+        for &(index, _) in &parts {
+            let coded = band.first as usize..=band.last as usize;
+            components[index].uncoded[coded].fill(if self.progressive { approximation & 15 } else { 0 });
         }
         bits.skip_to_marker();
         Ok(bits.at)

@@ -1,8 +1,11 @@
 //! JPEG.
 
-use super::{ImageError, ImageKind, check_size, entropy, one_line};
+use super::huffman::STANDARD_TABLES;
+use super::{Depth16, ImageError, ImageKind, Remark, check_size, entropy, is_turned, one_line, turn};
 use image::ImageFormat;
+use image::metadata::Orientation;
 use mtf::image::Pixels;
+use std::borrow::Cow;
 use zune_core::bytestream::ZCursor;
 use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
@@ -17,17 +20,63 @@ pub(super) const KIND: ImageKind = ImageKind {
     format: ImageFormat::Jpeg,
     size,
     decode,
+    remarks,
 };
 
 fn size(_: &ImageKind, bytes: &[u8]) -> Result<(usize, usize), ImageError> {
-    claimed_size(&opened(bytes)?)
+    let decoder = opened(bytes).map_err(|e| error_of(bytes, bytes, e))?;
+    let (width, height) = claimed_size(&decoder)?;
+    Ok(match is_turned(orientation(&decoder)) {
+        true => (height, width),
+        false => (width, height),
+    })
 }
 
 /// A decoder that has read the headers.
-fn opened(bytes: &[u8]) -> Result<JpegDecoder<ZCursor<&[u8]>>, ImageError> {
+fn opened(bytes: &[u8]) -> Result<JpegDecoder<ZCursor<&[u8]>>, DecodeErrors> {
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options());
-    decoder.decode_headers().map_err(|e| error_of(bytes, e))?;
+    decoder.decode_headers()?;
     Ok(decoder)
+}
+
+/// How the picture is to be turned, as its Exif data says.
+fn orientation(decoder: &JpegDecoder<ZCursor<&[u8]>>) -> Orientation {
+    let exif = decoder.exif().and_then(|exif| Orientation::from_exif_chunk(exif));
+    exif.unwrap_or(Orientation::NoTransforms)
+}
+
+fn remarks(_: &ImageKind, bytes: &[u8]) -> Vec<Remark> {
+    let markers = walk(bytes);
+    let turned = opened(bytes).map_or(Orientation::NoTransforms, |decoder| orientation(&decoder));
+    let mut remarks: Vec<Remark> = Remark::turned(turned).into_iter().collect();
+    if markers.lacks_tables {
+        remarks.push(Remark::StandardTables);
+    }
+    if !markers.reaches_end {
+        remarks.push(Remark::NoEndMark);
+    }
+    remarks
+}
+
+/// The file with what every decoder adds: the standard Huffman tables where it has none, as a frame of Motion JPEG, and the
+/// mark of its end.
+fn completed<'a>(bytes: &'a [u8], markers: &Markers) -> Cow<'a, [u8]> {
+    if markers.reaches_end && !markers.lacks_tables {
+        return bytes.into();
+    }
+    const START: usize = 2;
+    let (start, rest) = bytes.split_at(START.min(bytes.len()));
+    let tables: &[u8] = if markers.lacks_tables {
+        &STANDARD_TABLES
+    } else {
+        &[]
+    };
+    let (rest, end): (_, &[u8]) = match markers.reaches_end {
+        true => (rest, &[]),
+        // The first half of a mark that was cut in two.
+        false => (rest.strip_suffix(&[0xff]).unwrap_or(rest), &[0xff, 0xd9]),
+    };
+    [start, tables, rest, end].concat().into()
 }
 
 fn options() -> DecoderOptions {
@@ -44,12 +93,16 @@ fn claimed_size(decoder: &JpegDecoder<ZCursor<&[u8]>>) -> Result<(usize, usize),
     Ok((width, height))
 }
 
-fn decode(_: &ImageKind, bytes: &[u8], colour: bool) -> Result<Pixels, ImageError> {
-    let markers = walk(bytes);
-    let guarded = markers.only_scan_ends_at.map(|end| guarded(bytes, end));
-    let mut decoder = opened(guarded.as_deref().unwrap_or(bytes))?;
+fn decode(_: &ImageKind, bytes: &[u8], colour: bool, _: Depth16) -> Result<Pixels, ImageError> {
+    let found = walk(bytes);
+    let complete = completed(bytes, &found);
+    let markers = walk(&complete);
+    let guarded = markers.only_scan_ends_at.map(|end| guarded(&complete, end));
+    let failed = |e| error_of(bytes, &complete, e);
+    let mut decoder = opened(guarded.as_deref().unwrap_or(&complete)).map_err(failed)?;
     let (width, height) = claimed_size(&decoder)?;
-    if !markers.reaches_end {
+    // Without an end mark, only the codes tell whether the picture is all there.
+    if !found.reaches_end && !entropy::is_whole(&complete) {
         return Err(ImageError::Truncated { format: NAME });
     }
     if !markers.known_sampling() {
@@ -63,16 +116,19 @@ fn decode(_: &ImageKind, bytes: &[u8], colour: bool) -> Result<Pixels, ImageErro
         Some(ColorSpace::YCbCr) => ColorSpace::YCbCr,
         _ => ColorSpace::RGB,
     };
+    let orientation = orientation(&decoder);
     decoder.set_options(options().jpeg_set_out_colorspace(output));
-    let pixels = decoder.decode().map_err(|e| error_of(bytes, e))?;
+    let pixels = decoder.decode().map_err(failed)?;
     // A guard has failed the decoder already.
-    if guarded.is_none() && entropy::ends_early(bytes) {
+    if guarded.is_none() && entropy::ends_early(&complete) {
         return Err(ImageError::Truncated { format: NAME });
     }
     if pixels.len() != width * height * output.num_components() {
         let detail = "the decoder returned another number of pixels".into();
         return Err(ImageError::Corrupt { format: NAME, detail });
     }
+    let channels = output.num_components();
+    let (width, height, pixels) = turn(width, height, channels, pixels, orientation);
     Ok(match output {
         ColorSpace::Luma => Pixels::from_gray(width, height, pixels),
         ColorSpace::YCbCr => Pixels::from_ycbcr(width, height, pixels, colour),
@@ -86,6 +142,8 @@ fn decode(_: &ImageKind, bytes: &[u8], colour: bool) -> Result<Pixels, ImageErro
 struct Markers {
     /// They lead to an end-of-image marker. Decoders fill what is missing with gray.
     reaches_end: bool,
+    /// A scan comes before any Huffman table.
+    lacks_tables: bool,
     /// Where the codes of the only scan end, when it is all there is before the end of the image: no other scan, no
     /// restart markers.
     only_scan_ends_at: Option<usize>,
@@ -132,6 +190,7 @@ fn guarded(bytes: &[u8], end: usize) -> Vec<u8> {
 
 fn walk(bytes: &[u8]) -> Markers {
     let mut found = Markers::default();
+    let mut tables = false;
     let (mut at, mut in_scan, mut scans, mut restarts) = (0, false, 0, false);
     while let Some(step) = bytes
         .get(at..)
@@ -164,7 +223,9 @@ fn walk(bytes: &[u8]) -> Markers {
                     found.sequential = *marker <= 0xc1;
                     found.sampling = components.chunks_exact(3).map(|component| component[1]).collect();
                 }
+                tables |= *marker == 0xc4;
                 in_scan = *marker == 0xda;
+                found.lacks_tables |= in_scan && !tables && found.sequential;
                 restarts |= *marker == 0xdd;
                 scans += usize::from(in_scan);
                 at += 2 + length;
@@ -174,10 +235,11 @@ fn walk(bytes: &[u8]) -> Markers {
     found
 }
 
-fn error_of(bytes: &[u8], error: DecodeErrors) -> ImageError {
+/// Of the file `bytes`, which was decoded as `complete`.
+fn error_of(bytes: &[u8], complete: &[u8], error: DecodeErrors) -> ImageError {
     let format = NAME;
     match error {
-        _ if !walk(bytes).reaches_end || entropy::ends_early(bytes) => ImageError::Truncated { format },
+        _ if !walk(bytes).reaches_end || entropy::ends_early(complete) => ImageError::Truncated { format },
         DecodeErrors::ExhaustedData | DecodeErrors::IoErrors(_) => ImageError::Truncated { format },
         DecodeErrors::Unsupported(scheme) => ImageError::Unsupported {
             format,

@@ -19,6 +19,7 @@ fn run_of(name: &str, results: Results) -> FinishedRun {
         .map(|(d, s)| json!({"dataset": d, "sequence": s, "fingerprint": format!("of {s}")}))
         .collect();
     FinishedRun {
+        data: Default::default(),
         name: name.to_owned(),
         results,
         thresholds: crate::store::summary::thresholds(&MetricSet::builtin()),
