@@ -231,7 +231,7 @@ pub enum DatasetErrorKind {
     },
     /// A row is for a frame that is not there.
     #[error(
-        "this row is for frame {number}, which is not there ({others} more like it); add the frame, or leave its row out with --on-bad-data skip"
+        "this row is for frame {number}, which is not there{}; add the frame, or leave its row out with --on-bad-data skip", likewise(*.others, "row")
     )]
     LostFrame {
         /// The number that it would have.
@@ -350,7 +350,7 @@ pub enum DatasetErrorKind {
     #[error("the file has changed since the run began; run again")]
     Changed,
     /// Frames that are read all the same, the first of which it is.
-    #[error("{remark}{}", likewise(*.frames))]
+    #[error("{remark}{}", likewise(.frames.saturating_sub(1), "frame"))]
     Remark {
         /// What is out of the ordinary.
         remark: Remark,
@@ -421,12 +421,12 @@ impl DatasetErrorKind {
     }
 }
 
-/// How many frames there are besides the one that is named.
-fn likewise(frames: usize) -> String {
-    match frames {
-        0 | 1 => String::new(),
-        2 => " (1 more frame likewise)".into(),
-        n => format!(" ({} more frames likewise)", n - 1),
+/// How many others there are besides the one that is named.
+fn likewise(others: usize, what: &str) -> String {
+    match others {
+        0 => String::new(),
+        1 => format!(" (1 more {what} likewise)"),
+        n => format!(" ({n} more {what}s likewise)"),
     }
 }
 
