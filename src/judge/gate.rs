@@ -270,6 +270,26 @@ mod tests {
     }
 
     #[test]
+    fn a_little_more_than_the_tolerance_counts_in_both_directions() {
+        let then = baseline(&one(&[Some(1.0), Some(3.0)]));
+        // The tolerances of sr_5, auc and al_median, of which the last is an error.
+        let moved = |share: f64| {
+            let mut now = then.clone();
+            for line in &mut now.lines {
+                for ((_, value), by) in line.figures.iter_mut().zip([-0.01, -0.005, 0.05]) {
+                    *value += share * by;
+                }
+            }
+            let c = gate(&then, &now, &usual());
+            [c.drops.len(), c.improved.len(), c.unchanged]
+        };
+        assert_eq!(moved(1.01), [6, 0, 0]);
+        assert_eq!(moved(0.99), [0, 0, 6]);
+        assert_eq!(moved(-0.99), [0, 0, 6]);
+        assert_eq!(moved(-1.01), [0, 6, 0]);
+    }
+
+    #[test]
     fn infinite_medians() {
         let (tracked, lost) = (one(&[Some(1.0), Some(1.0)]), one(&[Some(1.0), None]));
         let c = compare(&tracked, &lost);

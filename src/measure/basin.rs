@@ -712,4 +712,53 @@ mod tests {
         assert!(fails(&|r| r.textures[0].image = Image::new(30, 200, 1)).contains("30x200 px leave no room"));
         assert!(fails(&|r| r.textures[1].image = Image::new(100, 100, 1)).contains("cannot start on waves2"));
     }
+
+    /// A tracker that fails to move from where it is put.
+    struct Stuck(Corners);
+
+    impl Tracker for Stuck {
+        fn init(&mut self, _: &Frame, _: &Corners) -> Result<(), mtf::tracker::TrackError> {
+            Ok(())
+        }
+        fn update(&mut self, _: &Frame) -> Result<mtf::tracker::Update, mtf::tracker::TrackError> {
+            Err(mtf::tracker::TrackError::Singular)
+        }
+        fn set_region(&mut self, corners: &Corners) -> Result<(), mtf::tracker::TrackError> {
+            self.0 = *corners;
+            Ok(())
+        }
+        fn corners(&self) -> Corners {
+            self.0
+        }
+    }
+
+    #[test]
+    fn a_tracker_within_the_threshold_has_converged() {
+        let request = request(&["esm/ssd/homography"]);
+        let (entry, _) = &request.trackers[0];
+        let warps = Warps::new(None).unwrap();
+        let frame = Frame::from_gray(Image::new(50, 50, 1));
+        let base = Corners::rect(10.0, 10.0, 20.0, 20.0);
+        for threshold in [0.5, 1.0, 4.0] {
+            let converged = |distance: f64| {
+                let mut subject = Subject {
+                    entry,
+                    warps: &warps,
+                    threshold,
+                    tracker: Box::new(Stuck(base)),
+                    row: no_trials(entry, &warps, "t", 1.0),
+                };
+                // All corners are as far away as their mean.
+                let truth = base.translated(0.6 * distance, -0.8 * distance);
+                subject.trial(&frame, &base, &frame, &truth, 3);
+                assert_eq!(subject.row.trials, 1);
+                subject.row.converged == 1
+            };
+            assert!(converged(0.0) && converged(0.99 * threshold), "{threshold}");
+            assert!(
+                !converged(1.01 * threshold) && !converged(1.9 * threshold),
+                "{threshold}"
+            );
+        }
+    }
 }

@@ -420,6 +420,22 @@ mod tests {
     }
 
     #[test]
+    fn ties_are_ranked_by_name() {
+        let ids = ["c/ssd/affine", "a/ssd/affine", "best/ssd/affine", "b/ssd/affine"];
+        let mut results = of(&ids.map(|id| {
+            let error = if id.starts_with("best") { 0.0 } else { 3.0 };
+            unit(id, "wall", &[Some(error)])
+        }));
+        let sorted = ["best/ssd/affine", "a/ssd/affine", "b/ssd/affine", "c/ssd/affine"];
+        for _ in 0..2 {
+            let ranking: Vec<&str> = results.ranking().iter().map(|r| r.tracker.id.as_str()).collect();
+            assert_eq!(ranking, sorted);
+            // Whatever order the rows are in.
+            results.summary.reverse();
+        }
+    }
+
+    #[test]
     fn order_of_units_does_not_matter() {
         let mut shuffled = units();
         shuffled.reverse();

@@ -43,6 +43,7 @@ mod tests {
         assert_eq!(alignment_error(&one, &square), 4.0);
         one.0[2][1] = f64::NAN;
         assert_eq!(alignment_error(&one, &square), f64::INFINITY);
+        assert_eq!(alignment_error(&square, &one), f64::INFINITY);
         assert!(alignment_error(&Corners::rect(0.0, 0.0, 1e300, 1e300), &square) > 1e9);
     }
 }

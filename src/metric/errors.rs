@@ -157,6 +157,22 @@ mod tests {
     use super::*;
 
     #[test]
+    fn one_value_that_is_not_finite_leaves_a_frame_without_output() {
+        let metrics = MetricSet::builtin();
+        for (k, bad) in [(0, f64::NAN), (1, f64::INFINITY), (3, f64::NAN)] {
+            let mut values = [1.0, 2.0, 3.0, 0.5];
+            values[k] = bad;
+            let mut errors = Errors::new(&metrics);
+            errors.push_values(&values);
+            assert!(
+                (0..4).all(|index| errors.list(index) == [f64::INFINITY]),
+                "{errors:?}"
+            );
+            assert_eq!(errors.rows(), [None]);
+        }
+    }
+
+    #[test]
     fn rows_come_back() {
         let metrics = MetricSet::builtin();
         let truth = Corners::rect(0.0, 0.0, 10.0, 10.0);

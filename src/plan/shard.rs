@@ -304,4 +304,40 @@ mod tests {
             assert!(bad.parse::<Shard>().is_err(), "{bad}");
         }
     }
+
+    /// The units side by side on a line, each as long as its frames, in the order of slices: cut into parts of one length,
+    /// the part that holds the middle of a unit has it.
+    #[test]
+    fn a_slice_has_the_units_whose_middles_it_holds() {
+        let plan = plan(7, &[(80, &[0]), (1000, &[0, 100, 900]), (60, &[5])]);
+        let mut units: Vec<Unit> = plan.units().collect();
+        units.sort_by_key(|u| (u.sequence, spread(u.tracker.into()), u.start));
+        for count in [1, 2, 3, 5, 16, 300] {
+            let sharding = Sharding::new(&plan, Cut::Slice, count);
+            let mut begin = 0;
+            for unit in &units {
+                let frames = plan.unit_frames(unit);
+                // In halves of a frame.
+                let (middle, length) = (2 * begin + frames, 2 * plan.frames());
+                let part = (1..=u64::from(count))
+                    .rfind(|part| (part - 1) * length <= middle * u64::from(count))
+                    .unwrap();
+                assert_eq!(u64::from(sharding.of(unit)), part, "{count} {unit:?}");
+                begin += frames;
+            }
+            assert_eq!(begin, plan.frames());
+        }
+    }
+
+    #[test]
+    fn equal_units_are_dealt_out_equally() {
+        let plan = plan(6, &[(50, &[0]), (50, &[0])]);
+        for count in [1, 2, 3, 4, 6, 12] {
+            let sharding = Sharding::new(&plan, Cut::Slice, count);
+            let mut held = vec![0; count as usize];
+            plan.units()
+                .for_each(|unit| held[sharding.of(&unit) as usize - 1] += 1);
+            assert_eq!(held, vec![12 / count; count as usize]);
+        }
+    }
 }

@@ -369,3 +369,82 @@ impl Plan {
             .or_else(|| by("sequence", sequences(self), sequences(other)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sha2::{Digest, Sha256};
+
+    fn plan(seed: u64) -> Plan {
+        let tracker = |id: &str| PlannedTracker {
+            id: id.into(),
+            sm: String::new(),
+            am: String::new(),
+            ssm: String::new(),
+            ilm: String::new(),
+            slug: id.into(),
+            parameters: Value::Null,
+        };
+        let sequence = |[dataset, sequence]: [&str; 2]| PlannedSequence {
+            dataset: dataset.into(),
+            sequence: sequence.into(),
+            frames: 40,
+            starts: vec![vec![0, 10, 20]],
+            fingerprint: String::new(),
+        };
+        Plan {
+            schema_version: 1,
+            tool: "t".into(),
+            version: "1".into(),
+            protocol: Protocols::default(),
+            seed,
+            pre: "none".into(),
+            frame_logs: FrameLogs::Csv,
+            metrics: Vec::new(),
+            about: Map::new(),
+            trackers: ["a", "b"].map(tracker).to_vec(),
+            sequences: [["d", "s"], ["d", "t"], ["e", "s"]].map(sequence).to_vec(),
+        }
+    }
+
+    #[test]
+    fn the_seed_of_a_start_is_that_of_its_names_and_frame() {
+        let mut seen = std::collections::BTreeSet::new();
+        let mut count = 0;
+        for seed in [0, 7] {
+            let plan = plan(seed);
+            for unit in plan.units() {
+                // Of the bytes that the documentation of seeds names.
+                let sequence = &plan.sequences[unit.sequence as usize];
+                let id = &plan.trackers[unit.tracker as usize].id;
+                let mut bytes = seed.to_le_bytes().to_vec();
+                for name in [id, &sequence.dataset, &sequence.sequence] {
+                    bytes.extend((name.len() as u64).to_le_bytes());
+                    bytes.extend(name.bytes());
+                }
+                bytes.extend(u64::from(unit.start).to_le_bytes());
+                let hash = Sha256::digest(&bytes);
+                let expected = hash[..8].iter().rev().fold(0, |n, &b| (n << 8) | u64::from(b));
+                assert_eq!(plan.seed_at(&unit, unit.start), expected);
+                seen.insert(expected);
+                count += 1;
+            }
+        }
+        assert_eq!((seen.len(), count), (36, 36));
+    }
+
+    #[test]
+    fn seeds_do_not_depend_on_what_else_is_run() {
+        let (all, mut few) = (plan(3), plan(3));
+        few.trackers.remove(0);
+        few.sequences.reverse();
+        let named = |plan: &Plan| -> BTreeMap<String, u64> {
+            let seeds = plan
+                .units()
+                .map(|u| (plan.describe(&u), plan.seed_at(&u, u.start)));
+            seeds.collect()
+        };
+        let (all, few) = (named(&all), named(&few));
+        assert!(few.len() == 9 && few.iter().all(|(name, seed)| all[name] == *seed));
+    }
+}

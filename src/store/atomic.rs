@@ -121,6 +121,24 @@ mod tests {
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
     }
 
+    /// The name is given to another file: who reads the old one reads it to its end.
+    #[cfg(unix)]
+    #[test]
+    fn what_is_being_read_stays_whole() {
+        use std::io::Read;
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.csv");
+        write_atomic(&path, Durable::Now, |w| w.write_all(b"old and long")).unwrap();
+        let mut reader = File::open(&path).unwrap();
+        write_atomic(&path, Durable::Now, |w| w.write_all(b"new")).unwrap();
+        let mut text = String::new();
+        reader.read_to_string(&mut text).unwrap();
+        assert_eq!(
+            (text.as_str(), &*fs::read_to_string(&path).unwrap()),
+            ("old and long", "new")
+        );
+    }
+
     #[cfg(unix)]
     #[test]
     fn links_are_replaced_and_not_followed() {

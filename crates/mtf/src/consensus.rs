@@ -585,4 +585,101 @@ mod tests {
         // As many pairs as determine it.
         assert!(e.estimate(&Affine, &from[1..4], &to[1..4]).is_ok());
     }
+
+    #[test]
+    fn candidates_are_scored_by_squared_distances() {
+        let from: Vec<[f64; 2]> = (0..5).map(|i| [f64::from(i), 0.0]).collect();
+        let off = [0.0, 4.9, 5.1, 9.0, 30.0];
+        let to: Vec<[f64; 2]> = from.iter().zip(off).map(|(p, d)| [p[0], p[1] + d]).collect();
+        let score = |est_truncated, bound| {
+            let p = EstimatorParams {
+                est_truncated,
+                ..EstimatorParams::default()
+            };
+            let found = Estimator::new(p, 0).score(&Mat3::identity(), &from, &to, 25.0, bound);
+            found.map(|c| (c.cost, c.inliers))
+        };
+        let (cost, inliers) = score(true, f64::INFINITY).unwrap();
+        assert!(
+            (cost - (4.9 * 4.9 + 3.0 * 25.0)).abs() < 1e-9 && inliers == 2,
+            "{cost}"
+        );
+        assert_eq!(score(false, f64::INFINITY), Some((3.0, 2)));
+        // Candidates no better than the bound are none.
+        assert_eq!((score(false, 3.1), score(false, 3.0)), (Some((3.0, 2)), None));
+    }
+
+    #[test]
+    fn the_threshold_of_inliers_is_in_pixels() {
+        for est_thresh in [0.5, 2.0, 5.0] {
+            for plain in [false, true] {
+                let p = EstimatorParams {
+                    est_thresh,
+                    est_truncated: !plain,
+                    est_local: !plain,
+                    est_trim: false,
+                    ..EstimatorParams::default()
+                };
+                let (_, from, mut to) = pairs(90);
+                to[1][0] += 0.75 * est_thresh;
+                to[2][1] -= 1.25 * est_thresh;
+                let mut e = Estimator::new(p, 1);
+                e.estimate(&Affine, &from, &to).unwrap();
+                let expected = (0..90).map(|i| i % 3 != 0 && i != 2);
+                assert!(e.inliers().iter().copied().eq(expected), "{est_thresh}");
+            }
+        }
+    }
+
+    /// Shifts, which one pair determines.
+    struct Shift;
+    impl PointModel for Shift {
+        fn min_points(&self) -> usize {
+            1
+        }
+        fn fit(&self, from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Mat3> {
+            let mean =
+                |c: usize| from.iter().zip(to).map(|(a, b)| b[c] - a[c]).sum::<f64>() / from.len() as f64;
+            Some(Mat3::new(1.0, 0.0, mean(0), 0.0, 1.0, mean(1), 0.0, 0.0, 1.0))
+        }
+        fn refine(&self, _: &Mat3, from: &[[f64; 2]], to: &[[f64; 2]], _: usize) -> Option<Mat3> {
+            self.fit(from, to)
+        }
+    }
+
+    /// The sample whose distances from the other pairs have the least median, found by trying all; the limit is 2.5 of the
+    /// standard deviations that Rousseeuw & Leroy (1987) make of it.
+    #[test]
+    fn least_median_is_that_of_all_samples() {
+        for n in [10, 11, 14, 15] {
+            let from = vec![[0.0; 2]; n];
+            let to: Vec<[f64; 2]> = (0..n)
+                .map(|i| [(i * i) as f64 * 1.7, ((i * 29) % 13) as f64 * 2.3])
+                .collect();
+            let median = |i: usize| {
+                let apart = |j: usize| (to[i][0] - to[j][0]).powi(2) + (to[i][1] - to[j][1]).powi(2);
+                let mut others: Vec<f64> = (0..n).filter(|&j| j != i).map(apart).collect();
+                others.sort_by(f64::total_cmp);
+                others[others.len() / 2]
+            };
+            let best = (0..n).min_by(|&i, &j| median(i).total_cmp(&median(j))).unwrap();
+            let deviation = 1.4826 * (1.0 + 5.0 / (n as f64 - 1.0)) * median(best).sqrt();
+            let p = EstimatorParams {
+                est_confidence: 0.999_999_999_999,
+                ..params(EstimateMethod::Lmeds)
+            };
+            // Each seed may miss a sample.
+            let tried = (0..6).map(|seed| {
+                Estimator::new(p.clone(), seed)
+                    .least_median(&Shift, &from, &to, 1)
+                    .unwrap()
+            });
+            let (m, cut) = tried.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+            assert_eq!([m[(0, 2)], m[(1, 2)]], to[best], "{n}");
+            assert!(
+                (cut.sqrt() - 2.5 * deviation).abs() < 1e-9 * deviation,
+                "{n} {cut}"
+            );
+        }
+    }
 }

@@ -273,3 +273,26 @@ fn frames_without_ground_truth_are_not_started_on() {
     let every = row(&report, "jumps", "seq0", "every:20").score.clone();
     assert_eq!((every.frames(), every.failures()), (21, 1 + 9 + 5));
 }
+
+/// The tracker of the tests moves by its seed's last three digits: each start, the first and those after failures, has the
+/// seed of its tracker, data set, sequence and frame.
+#[test]
+fn every_start_has_a_seed_of_its_own() {
+    let bench = Bench::new(&[30, 25]);
+    let mut request = bench.request("out", vec![tracker("jumps", Trick::Jump { at: 4 }, 1)]);
+    request.protocol = protocols("reinit");
+    go(&request).unwrap();
+    let mut starts = 0;
+    for sequence in ["seq0", "seq1"] {
+        let log = log(&request, &bench, "jumps", &format!("{sequence}@reinit-20-5.csv"));
+        let x = |i: usize| log[i][3].parse::<f64>().unwrap();
+        for i in (0..log.len()).filter(|&i| log[i][2] == "init") {
+            let names = ["jumps", bench.sequences[0].dataset(), sequence];
+            let seed = crate::plan::derived_seed(7, &names, Some(i as u64));
+            let offset = (seed % 1000) as f64 / 1000.0;
+            assert!((x(i + 2) - x(i + 1) - offset).abs() < 1e-6, "{sequence} {i}");
+            starts += 1;
+        }
+    }
+    assert_eq!(starts, 7);
+}

@@ -289,3 +289,47 @@ impl Reference for Ncc {
         if tt * ii > 0.0 { ti / (tt * ii).sqrt() } else { 0.0 }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::Resolution;
+
+    /// `2 (1 - f)` is the mean squared difference of the standardised patches: the likelihood is that of Gaussian noise.
+    #[test]
+    fn the_likelihood_is_that_of_the_standardised_difference() {
+        let shape = PatchShape {
+            res: Resolution { cols: 9, rows: 7 },
+            channels: 1,
+        };
+        let template: Vec<f32> = (0..63).map(|i| (i * 37 % 101) as f32 + 30.0).collect();
+        let noisy = |i: usize, t: &f32| 0.7 * t + 12.0 + ((i * 53 % 17) as f32 - 8.0);
+        let current: Vec<f32> = template.iter().enumerate().map(|(i, t)| noisy(i, t)).collect();
+        let standard = |x: &[f32]| -> Vec<f64> {
+            let n = x.len() as f64;
+            let mean = x.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
+            let variance = x.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / n;
+            x.iter()
+                .map(|v| (f64::from(*v) - mean) / variance.sqrt())
+                .collect()
+        };
+        let (u, v) = (standard(&template), standard(&current));
+        let mean = u.iter().zip(&v).map(|(u, v)| (u - v).powi(2)).sum::<f64>() / 63.0;
+        for likelihood_alpha in [50.0, 3.0] {
+            let mut am = Ncc::new(NccParams {
+                likelihood_alpha,
+                ..NccParams::default()
+            });
+            am.set_template(shape, &template).unwrap();
+            assert!((am.likelihood() - 1.0).abs() < 1e-4);
+            am.set_current(&current);
+            let exact = libm::exp(-likelihood_alpha * mean);
+            assert!((0.001..0.9).contains(&exact), "{exact}");
+            assert!(
+                (am.likelihood() - exact).abs() < 1e-3 * exact,
+                "{} {exact}",
+                am.likelihood()
+            );
+        }
+    }
+}

@@ -445,4 +445,55 @@ mod tests {
             }
         }
     }
+
+    /// The scatter about the mean is forgotten by `φ²` and the patches by `φ` with each batch: the same recursion of the
+    /// whole matrix, without a subspace.
+    #[test]
+    fn with_forgetting_the_subspace_is_that_of_the_faded_scatter() {
+        let (phi, dim, m, n) = (0.6, 6, 5, SHAPE.len());
+        let mut am = Pca::new(PcaParams {
+            f_factor: phi,
+            n_eigenvec: 40,
+            ..PcaParams::default()
+        });
+        let patch = |t: usize| -> Vec<f64> { sample(dim, t).iter().map(|v| f64::from(*v)).collect() };
+        let (mut scatter, mut mean, mut seen) = (DMatrix::<f64>::zeros(n, n), vec![0.0; n], 0.0);
+        am.set_template(SHAPE, &sample(dim, 0)).unwrap();
+        for batch in 0..4 {
+            let patches: Vec<Vec<f64>> = (0..m).map(|k| patch(m * batch + k)).collect();
+            let own: Vec<f64> = (0..n)
+                .map(|i| patches.iter().map(|p| p[i]).sum::<f64>() / m as f64)
+                .collect();
+            let apart = seen * m as f64 / (seen + m as f64);
+            scatter = DMatrix::from_fn(n, n, |i, j| {
+                let within: f64 = patches.iter().map(|p| (p[i] - own[i]) * (p[j] - own[j])).sum();
+                phi * phi * scatter[(i, j)] + within + apart * (own[i] - mean[i]) * (own[j] - mean[j])
+            });
+            seen *= phi;
+            for (mean, own) in mean.iter_mut().zip(&own) {
+                *mean = (seen * *mean + m as f64 * own) / (seen + m as f64);
+            }
+            seen += m as f64;
+            for t in (m * batch).max(1)..m * (batch + 1) {
+                am.learn(&sample(dim, t));
+            }
+            assert!(
+                (0..n).all(|i| (f64::from(am.mean[i]) - mean[i]).abs() < 1e-3),
+                "{batch}"
+            );
+            let largest = scatter.amax();
+            for i in 0..n {
+                for j in 0..n {
+                    let product = |k: usize| f64::from(am.basis.col(k)[i]) * f64::from(am.basis.col(k)[j]);
+                    let found: f64 = (0..am.basis.cols())
+                        .map(|k| am.singular[k].powi(2) * product(k))
+                        .sum();
+                    assert!(
+                        (found - scatter[(i, j)]).abs() < 1e-4 * largest,
+                        "{batch} {i} {j}"
+                    );
+                }
+            }
+        }
+    }
 }

@@ -60,7 +60,7 @@ impl Best {
     }
 
     /// Keeps a candidate when it is the best.
-    fn offer(&self, new: Candidate, best: &mut Option<Candidate>) {
+    pub(super) fn offer(&self, new: Candidate, best: &mut Option<Candidate>) {
         let better = |b: &Candidate| {
             let found = (self.found(&new), self.found(b));
             if found.0 == found.1 {

@@ -1,3 +1,4 @@
+use super::seek::Candidate;
 use super::view::{Base, View};
 use super::*;
 use crate::image::Image;
@@ -245,4 +246,167 @@ proptest! {
         let error = (tracker.aligner.corners(&pose).distance_squared(&quad()) / 4.0).sqrt();
         prop_assert!(error < 0.02 && score.total > 0.99, "{} {:?}", error, score);
     }
+}
+
+/// A score whose parts are all beyond doubt.
+const CLEAR: Score = Score {
+    total: 0.9,
+    best: 0.96,
+    agree: 0.9,
+    agreeing: 40,
+};
+
+#[test]
+fn each_limit_of_what_has_been_found_decides_alone() {
+    let mut tracker = started();
+    tracker.usual = (0.8, 0.95);
+    let pose = tracker.pose;
+    const A: f64 = 1e-6;
+    // On both sides of each limit, with everything else beyond doubt.
+    let check = |tracker: &Best, near: bool, below: Score, from: Score, what: &str| {
+        let found = |score| tracker.found(&Candidate { pose, score, near });
+        assert_eq!((found(below), found(from)), (false, true), "{what}");
+    };
+    let with_best = |best| Score { best, ..CLEAR };
+    let with_total = |total, best| Score { total, best, ..CLEAR };
+    for near in [true, false] {
+        let agreeing = |agreeing| Score { agreeing, ..CLEAR };
+        let (few, enough) = (agreeing(K.agreeing_blocks - 1), agreeing(K.agreeing_blocks));
+        check(&tracker, near, few, enough, "number of blocks");
+        let agree = |agree| Score { agree, ..CLEAR };
+        let (few, enough) = (agree(K.agreeing_share - A), agree(K.agreeing_share));
+        check(&tracker, near, few, enough, "share of blocks");
+    }
+    // Followed from frame to frame, the correlation alone.
+    let part = |ratio: f64| (with_best(ratio * 0.95 - A), with_best(ratio * 0.95 + A));
+    let (below, from) = part(K.found_part);
+    check(&tracker, true, below, from, "correlation");
+    let found = |score| {
+        tracker.found(&Candidate {
+            pose,
+            score,
+            near: true,
+        })
+    };
+    assert!(found(with_total(0.0, 0.7)));
+    // Elsewhere it must agree better, and all in all: a little less where what is seen is certain.
+    let (below, from) = part(K.again_part);
+    check(&tracker, false, below, from, "correlation elsewhere");
+    let total = |total| with_total(total, K.covered_best - A);
+    let (below, from) = (total(K.elsewhere_total - A), total(K.elsewhere_total));
+    check(&tracker, false, below, from, "total elsewhere");
+    let total = |total| with_total(total, K.covered_best);
+    let (below, from) = (total(K.again_total - A), total(K.again_total));
+    check(&tracker, false, below, from, "total elsewhere, mostly covered");
+    // So after it was lost, and after several poor frames.
+    for (lost, doubtful) in [(1, 0), (0, K.doubtful_frames)] {
+        (tracker.lost, tracker.doubtful) = (lost, doubtful);
+        let (below, from) = part(K.again_part);
+        check(&tracker, true, below, from, "correlation again");
+        let total = |total| with_total(total, 0.9);
+        let (below, from) = (total(K.again_total - A), total(K.again_total));
+        check(&tracker, true, below, from, "total again");
+    }
+    // Whatever is usual, the user's limit holds.
+    tracker.usual = (0.8, 0.1);
+    let limit = tracker.params.best_found;
+    (tracker.lost, tracker.doubtful) = (0, 0);
+    check(
+        &tracker,
+        true,
+        with_best(limit - A),
+        with_best(limit),
+        "the user's limit",
+    );
+}
+
+#[test]
+fn a_candidate_replaces_another_when_it_is_better_by_a_margin() {
+    let mut tracker = started();
+    tracker.usual = (0.8, 0.95);
+    let pose = tracker.pose;
+    let candidate = |total: f64, best: f64, near: bool| Candidate {
+        pose,
+        score: Score { total, best, ..CLEAR },
+        near,
+    };
+    let replaces = |new: Candidate, old: Candidate| {
+        let mut best = Some(old);
+        tracker.offer(new, &mut best);
+        best.unwrap().score == new.score
+    };
+    let old = candidate(0.6, 0.96, true);
+    assert!(!replaces(candidate(0.6 + K.near_margin - 1e-6, 0.95, true), old));
+    assert!(replaces(candidate(0.6 + K.near_margin + 1e-6, 0.95, true), old));
+    assert!(!replaces(candidate(0.6 + K.far_margin - 1e-6, 0.95, false), old));
+    assert!(replaces(candidate(0.6 + K.far_margin + 1e-6, 0.95, false), old));
+    // One that has been found replaces one that has not, and never the other way round.
+    let none = candidate(0.9, 0.2, true);
+    assert!(replaces(old, none) && !replaces(none, old));
+    let mut best = None;
+    tracker.offer(none, &mut best);
+    assert!(best.is_some());
+}
+
+#[test]
+fn coarse_alignment_never_ends_with_a_lower_score_than_it_began() {
+    let mut tracker = started();
+    let mut tried = 0;
+    for covered in [0.0, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9] {
+        let frame = scene(&Mat3::identity(), covered);
+        for k in 0..24 {
+            // From the very place, where there is nothing to gain, to far from it.
+            let far = (f64::from(k) / 8.0).floor();
+            let (c, s) = (libm::cos(f64::from(k)), libm::sin(f64::from(k)));
+            let m = motion(
+                4.0 * far * s,
+                1.0 + 0.02 * far * c,
+                [3.0 * far * c, 3.0 * far * s],
+            );
+            let start = m * tracker.pose;
+            let before = tracker.aligner.assess(&frame, &start, 1200);
+            let Some((pose, score, _)) = tracker.aligner.coarse(&frame, &start, 1200, K.coarse_steps) else {
+                continue;
+            };
+            assert!(score.total >= before.total, "{covered} {k}: {before:?} {score:?}");
+            assert_eq!(score, tracker.aligner.assess(&frame, &pose, 1200));
+            tried += 1;
+        }
+    }
+    assert!(tried > 150, "{tried}");
+}
+
+#[test]
+fn fine_alignment_keeps_only_what_costs_little_of_the_score() {
+    let mut tracker = started();
+    let scene = scene(&Mat3::identity(), 0.0);
+    let still = scene.gray();
+    let mut stopped = 0;
+    for noise in [0.0, 60.0, 120.0] {
+        // Noise of single pixels, which coarse levels do not see.
+        let value = |x: usize, y: usize| {
+            let hash = libm::sin(x as f64 * 127.1 + y as f64 * 311.7) * 43758.5453;
+            still.get(0, x, y) + (noise * (hash - hash.floor() - 0.5)) as f32
+        };
+        let frame = Frame::from_gray(Image::from_fn(SIZE.0, SIZE.1, value));
+        for k in 0..6 {
+            let shift = 0.4 * f64::from(k);
+            let mut pose = motion(0.0, 1.0, [shift, -shift]) * tracker.pose;
+            let mut score = tracker.aligner.assess(&frame, &pose, 1200);
+            let (before, start) = (score, pose);
+            let mut iterations = 0;
+            // No step: where fine alignment begins from.
+            tracker.aligner.coarse(&frame, &start, 1200, 0).unwrap();
+            tracker
+                .aligner
+                .fine(&frame, (&mut pose, &mut score, &mut iterations), 1200);
+            assert!(
+                score.total >= before.total - 2.0 * K.finer_loss,
+                "{noise} {k}: {before:?} {score:?}"
+            );
+            assert_eq!(score, tracker.aligner.assess(&frame, &pose, 1200));
+            stopped += usize::from(iterations > 0 && pose == start);
+        }
+    }
+    assert!(stopped > 0);
 }

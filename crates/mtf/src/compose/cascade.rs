@@ -162,3 +162,51 @@ impl Tracker for Cascade {
         self.memory().saturating_add(self.layers.passing())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Image;
+
+    /// Answers the same corners whatever it is told.
+    struct Fixed(Corners);
+
+    impl Tracker for Fixed {
+        fn init(&mut self, _: &Frame, _: &Corners) -> Result<(), TrackError> {
+            Ok(())
+        }
+        fn update(&mut self, _: &Frame) -> Result<Update, TrackError> {
+            Ok(Update {
+                corners: self.0,
+                stop: Stop::Done,
+                iterations: 1,
+                similarity: 0.0,
+            })
+        }
+        fn set_region(&mut self, _: &Corners) -> Result<(), TrackError> {
+            Ok(())
+        }
+        fn corners(&self) -> Corners {
+            self.0
+        }
+    }
+
+    #[test]
+    fn layers_that_end_farther_apart_than_the_threshold_are_doubted() {
+        let frame = Frame::from_gray(Image::new(8, 8, 1));
+        let square = Corners::rect(1.0, 1.0, 4.0, 4.0);
+        let doubted = |shifts: &[f64]| {
+            let params = CascadeParams {
+                reinit_err_thresh: 4.0,
+                ..CascadeParams::default()
+            };
+            let layer = |dx: &f64| Box::new(Fixed(square.translated(*dx, 0.0))) as Box<dyn Tracker>;
+            Cascade::new(params, shifts.iter().map(layer).collect())
+                .pass(&frame)
+                .1
+        };
+        assert!(!doubted(&[0.0]) && !doubted(&[0.0, 3.99]) && !doubted(&[0.0, -3.0, 0.9, 4.5]));
+        assert!(doubted(&[0.0, 4.01]) && doubted(&[0.0, 3.0, -1.1, 0.0]));
+        assert!(doubted(&[0.0, f64::NAN]));
+    }
+}

@@ -237,3 +237,56 @@ impl<S: StateSpaceModel> Tracker for FlowGrid<S> {
         self.nodes.memory() + self.klt.memory() + points
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Image;
+    use crate::ssm::Translation;
+
+    /// Waves moved by `(dx, dy)` px; right of `edge` (px) something else covers them.
+    fn frame([dx, dy]: [f64; 2], edge: usize) -> Frame {
+        Frame::from_gray(Image::from_fn(240, 200, |x, y| {
+            let (u, v) = (x as f64 - dx, y as f64 - dy);
+            let wave = |a: f64, b: f64, c: f64| libm::sin(a * u + b * v + c);
+            if x >= edge {
+                return (110.0 + 50.0 * libm::sin(0.31 * x as f64 + 0.9 * libm::sin(0.11 * y as f64))) as f32;
+            }
+            (128.0 + 40.0 * wave(0.21, 0.13, 0.4) + 35.0 * wave(-0.11, 0.27, 1.9)) as f32
+        }))
+    }
+
+    #[test]
+    fn nodes_that_miss_their_origin_on_the_way_back_are_left_out() {
+        let (first, second) = (frame([0.0; 2], 240), frame([2.0, 1.0], 130));
+        let nodes = NodeParams {
+            grid_fb: 1.0,
+            ..NodeParams::default()
+        };
+        // One pass, and no other check of what was found.
+        let klt = KltParams {
+            klt_min_ncc: -1.0,
+            klt_passes: 1,
+            klt_enough: 0.0,
+            ..KltParams::default()
+        };
+        let mut tracker = FlowGrid::new(nodes, klt.clone(), EstimatorParams::default(), Translation::new());
+        tracker
+            .init(&first, &Corners::rect(60.0, 50.0, 120.0, 100.0))
+            .unwrap();
+        let origins = tracker.nodes().to_vec();
+        tracker.update(&second).unwrap();
+        let mut klt = Klt::new(klt);
+        let (mut kept, mut left) = (0, 0);
+        for (i, &x) in origins.iter().enumerate() {
+            let there = klt.track_point(&first, &second, x, x);
+            let back = klt.track_point(&second, &first, there.at, there.at);
+            let miss = (back.at[0] - x[0]).hypot(back.at[1] - x[1]);
+            let returns = there.ok() && back.ok() && miss <= 1.0;
+            assert_eq!(tracker.found[i].is_some(), returns, "{x:?} {there:?} {back:?}");
+            kept += usize::from(returns);
+            left += usize::from(there.ok() && !returns);
+        }
+        assert!(kept > 30 && left > 5, "{kept} {left}");
+    }
+}

@@ -558,4 +558,49 @@ mod tests {
         let ramp = Image::from_fn(40, 40, |x, _| x as f32);
         assert!(Texture::new(7).min_eigen(&ramp, [20.0, 16.0]).abs() < 1e-6);
     }
+
+    #[test]
+    fn what_is_found_must_correlate_by_the_least_that_is_asked() {
+        let first = frame(IDENTITY, [0.0; 2]);
+        // Something that the texture knows nothing of lies over it.
+        let second = Frame::from_gray(Image::from_fn(320, 240, |x, y| {
+            first.gray().get(0, x, y) + 30.0 * libm::sin(0.9 * x as f64 + 1.1 * y as f64) as f32
+        }));
+        let x = [160.0, 120.0];
+        let track = |klt_min_ncc: f64| {
+            let params = KltParams {
+                klt_min_ncc,
+                ..KltParams::default()
+            };
+            Klt::new(params).track_point(&first, &second, x, x)
+        };
+        let free = track(-1.0);
+        assert!(free.ok());
+        // The correlation of both windows of 21x21 px, between pixels by bilinear interpolation.
+        let window = |image: &Image, [cx, cy]: [f64; 2]| -> Vec<f64> {
+            let at = |x: f64, y: f64| {
+                let (i, j) = (x.floor(), y.floor());
+                let (u, v) = (x - i, y - j);
+                let p = |dx: usize, dy: usize| f64::from(image.get(0, i as usize + dx, j as usize + dy));
+                (1.0 - v) * ((1.0 - u) * p(0, 0) + u * p(1, 0)) + v * ((1.0 - u) * p(0, 1) + u * p(1, 1))
+            };
+            (0..441)
+                .map(|k| at(cx + f64::from(k % 21) - 10.0, cy + f64::from(k / 21) - 10.0))
+                .collect()
+        };
+        let (a, b) = (window(first.gray(), x), window(second.gray(), free.at));
+        let mean = |v: &[f64]| v.iter().sum::<f64>() / 441.0;
+        let (ma, mb) = (mean(&a), mean(&b));
+        let product =
+            |f: &dyn Fn(f64, f64) -> f64| a.iter().zip(&b).map(|(a, b)| f(a - ma, b - mb)).sum::<f64>();
+        let ncc = product(&|a, b| a * b) / (product(&|a, _| a * a) * product(&|_, b| b * b)).sqrt();
+        assert!((0.4..0.98).contains(&ncc), "{ncc}");
+        for (least, status) in [
+            (ncc - 1e-3, PointStatus::Tracked),
+            (ncc + 1e-3, PointStatus::Unlike),
+        ] {
+            let found = track(least);
+            assert_eq!((found.at, found.status), (free.at, status), "{least}");
+        }
+    }
 }

@@ -578,4 +578,64 @@ mod tests {
         assert!(Rbf::default().init(coarse, false).is_err());
         assert!(Gb::default().init(coarse, false).is_ok());
     }
+
+    /// Each model in both forms, at a state that is not the identity.
+    fn lit() -> impl Iterator<Item = (&'static str, Box<dyn IlluminationModel>)> {
+        let forms = ILMS
+            .iter()
+            .flat_map(|entry| [false, true].map(|relative| (entry, relative)));
+        forms.filter_map(|(entry, relative)| {
+            let mut m = (entry.build)(&[]).unwrap()?;
+            m.init(SHAPE, relative).unwrap();
+            let a: Vec<f64> = (0..m.dof()).map(|k| 0.04 * (k as f64 - 3.0)).collect();
+            m.set_state(&a).unwrap();
+            Some((entry.name, m))
+        })
+    }
+
+    #[test]
+    fn a_column_is_the_difference_that_its_parameter_makes() {
+        let raw = patch();
+        let wide: Vec<f64> = raw.iter().map(|&v| v.into()).collect();
+        for (name, m) in lit() {
+            let (dof, a) = (m.dof(), m.state().to_vec());
+            let mut j = Jacobian::new(SHAPE.len(), dof + 1);
+            m.jacobian_into(&raw, 1, &mut j);
+            let light = |a: &[f64]| m.reference().unwrap().light_of(a, &wide);
+            let here = light(&a);
+            for k in 0..dof {
+                // Linear in its parameters: a difference over any step is exact.
+                let mut moved = a.clone();
+                moved[k] += 1.0;
+                for ((there, here), column) in light(&moved).iter().zip(&here).zip(j.col(1 + k)) {
+                    assert!((there - here - f64::from(*column)).abs() < 1e-3, "{name} {k}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn gains_below_a_twentieth_are_refused_wherever_they_are() {
+        let refused = Err(TrackError::Illumination("gain too small"));
+        let mut m = Gb::default();
+        m.init(SHAPE, false).unwrap();
+        m.set_state(&[-0.94, 5.0]).unwrap();
+        assert_eq!(m.set_state(&[-0.96, 5.0]), refused);
+        assert_eq!(m.step(&[-0.02, 0.0]), refused);
+        assert_eq!(m.state(), [-0.94, 5.0]);
+        // One rectangle of nine.
+        let mut m = Pgb::default();
+        m.init(SHAPE, false).unwrap();
+        let with = |gain: f64| {
+            (0..10)
+                .map(|k| if k == 4 { gain } else { 0.0 })
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(m.set_state(&with(-0.94)), Ok(()));
+        assert_eq!(m.set_state(&with(-0.96)), refused);
+        for bad in [f64::NAN, f64::INFINITY] {
+            assert!(m.set_state(&with(bad)).is_err());
+        }
+        assert_eq!(m.state(), with(-0.94));
+    }
 }

@@ -594,7 +594,36 @@ impl<W: ProjectiveModel> Part for Projective<W> {
 
 #[cfg(test)]
 mod tests {
-    use crate::ssm::{Homography, StateSpaceModel};
+    use crate::geom::Corners;
+    use crate::params::Resolution;
+    use crate::ssm::{Homography, SSMS, StateSpaceModel};
+    use crate::tracker::TrackError;
+
+    #[test]
+    fn states_that_are_no_numbers_are_named_and_refused() {
+        let mut tried = 0;
+        for entry in SSMS {
+            let mut ssm = (entry.build)(&[]).unwrap();
+            let res = Resolution { cols: 5, rows: 4 };
+            ssm.init(&Corners::rect(20.0, 10.0, 40.0, 30.0), res).unwrap();
+            if ssm.matrix_group().is_none() {
+                continue;
+            }
+            let sound = vec![0.01; ssm.dof()];
+            ssm.set_state(&sound).unwrap();
+            for k in 0..ssm.dof() {
+                for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                    let mut state = sound.clone();
+                    state[k] = bad;
+                    let refused = Err(TrackError::NotFinite("state"));
+                    assert_eq!(ssm.set_state(&state), refused, "{} {k}", entry.name);
+                    assert_eq!(ssm.state(), sound);
+                    tried += 1;
+                }
+            }
+        }
+        assert!(tried > 100, "{tried}");
+    }
 
     #[test]
     fn a_step_without_inverse_says_what_to_do() {

@@ -531,3 +531,113 @@ impl<M: LkMethod, A: AppearanceModel, S: StateSpaceModel> NeedsTruth for Lk<M, A
         self.truth = Some(*corners);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::am::Ssd;
+    use crate::sm::{FalkMethod, Fclk, FclkMethod, IalkMethod, IclkMethod};
+    use crate::ssm::{Homography, Translation};
+
+    /// Waves of several lengths, moved by `(dx, dy)` px.
+    fn frame([dx, dy]: [f64; 2]) -> Frame {
+        let texture = |x: f64, y: f64| {
+            let wave = |a: f64, b: f64, c: f64| libm::sin(a * x + b * y + c);
+            128.0
+                + 40.0 * wave(0.21, 0.13, 0.4)
+                + 35.0 * wave(-0.11, 0.27, 1.9)
+                + 20.0 * wave(0.4, -0.33, 5.0)
+        };
+        let value = |x: usize, y: usize| texture(x as f64 - dx, y as f64 - dy) as f32;
+        Frame::from_gray(Image::from_fn(160, 140, value))
+    }
+
+    fn quad() -> Corners {
+        Corners::rect(50.0, 40.0, 60.0, 50.0)
+    }
+
+    #[test]
+    fn a_gradient_that_is_no_number_is_named_and_moves_nothing() {
+        let still = frame([0.0; 2]);
+        let mut tracker = Fclk::new(Ssd::default(), Homography::new());
+        tracker.init(&still, &quad()).unwrap();
+        let (s, state) = (tracker.dof(), tracker.ssm.state().to_vec());
+        let mut work = vec![0.0; s * s + s];
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            tracker
+                .normal
+                .hessian
+                .fill(|i, j| if i == j { -1.0 } else { 0.0 });
+            tracker.normal.gradient.fill(0.0);
+            tracker.normal.gradient[s - 1] = bad;
+            let stepped = tracker.step(still.gray(), 0.0, 1.0, &mut work);
+            assert_eq!(stepped, Err(TrackError::NotFinite("gradient")));
+            assert_eq!(tracker.ssm.state(), state);
+        }
+    }
+
+    /// Damped steps are kept only where they climb, the last one included: each search ends at least as high as one with
+    /// fewer iterations.
+    #[test]
+    fn damped_searches_of_more_iterations_end_no_lower() {
+        let mut taken_back = 0;
+        for shift in [[6.0, -4.0], [-9.0, 5.0], [11.0, 8.0], [3.0, 13.0], [-12.0, -7.0]] {
+            let next = frame(shift);
+            let reached = |iterations: usize| {
+                let mut tracker = Fclk::new(Ssd::default(), Homography::new());
+                tracker.params.leven_marq = true;
+                tracker.params.max_iters = iterations;
+                tracker.params.epsilon = 0.0;
+                tracker.init(&frame([0.0; 2]), &quad()).unwrap();
+                tracker.update(&next).unwrap();
+                let mut ws = tracker.workspace();
+                tracker.sample(next.gray(), &mut ws, false).unwrap();
+                tracker.am.similarity()
+            };
+            let reached: Vec<f64> = (1..12).map(reached).collect();
+            assert!(reached.is_sorted(), "{shift:?} {reached:?}");
+            taken_back += reached.windows(2).filter(|pair| pair[0] == pair[1]).count();
+        }
+        assert!(taken_back > 0);
+    }
+
+    /// Under SSD and translation the gradient is `sign Σ (T - I) G` and the Hessian `-Σ G Gᵀ`, with `G` the gradient of the
+    /// template or of the image, in units of the base frame.
+    fn check_definition<M: LkMethod>(of_template: bool, sign: f64) {
+        let still = frame([0.0; 2]);
+        let mut tracker = Lk::<M, Ssd, Translation>::new(Ssd::default(), Translation::new());
+        tracker.init(&still, &quad()).unwrap();
+        let mut ws = tracker.workspace();
+        let r = tracker.ssm.base().radius;
+        tracker.sample(still.gray(), &mut ws, true).unwrap();
+        let template = [&ws.values, &ws.gx, &ws.gy].map(Vec::clone);
+        tracker.ssm.set_state(&[2.3 / r, -1.7 / r]).unwrap();
+        tracker.sample(still.gray(), &mut ws, true).unwrap();
+        let current = [&ws.values, &ws.gx, &ws.gy].map(Vec::clone);
+        tracker.linearise(still.gray(), &mut ws).unwrap();
+        let steep = if of_template { &template } else { &current };
+        let g = |k: usize, i: usize| r * f64::from(steep[k + 1][i]);
+        let n = template[0].len();
+        let close = |found: f64, exact: f64| (found - exact).abs() < 1e-4 * (1.0 + exact.abs());
+        for k in 0..2 {
+            let difference = |i: usize| f64::from(template[0][i]) - f64::from(current[0][i]);
+            let exact = sign * (0..n).map(|i| difference(i) * g(k, i)).sum::<f64>();
+            let found = tracker.normal.gradient[k];
+            assert!(close(found, exact), "{} {found} {exact}", M::NAME);
+            for l in 0..2 {
+                let exact = -(0..n).map(|i| g(k, i) * g(l, i)).sum::<f64>();
+                let found = tracker.normal.hessian.get(k, l);
+                assert!(close(found, exact), "{} {found} {exact}", M::NAME);
+            }
+        }
+    }
+
+    #[test]
+    fn gradients_and_hessians_of_translations_are_their_sums() {
+        check_definition::<FalkMethod>(false, 1.0);
+        check_definition::<FclkMethod>(false, 1.0);
+        check_definition::<IalkMethod>(true, 1.0);
+        // Its increment is that of the template, and is inverted.
+        check_definition::<IclkMethod>(true, -1.0);
+    }
+}

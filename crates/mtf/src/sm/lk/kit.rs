@@ -253,3 +253,58 @@ impl Template {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A smooth function of the plane.
+    fn value([u, v]: [f64; 2]) -> f64 {
+        libm::sin(1.3 * u + 0.4 * v) + 0.7 * libm::cos(0.9 * v - 0.5 * u) + 0.3 * u * v
+    }
+
+    /// Value, first and second derivatives `[x, y, xx, xy, yy]` of `f` at a place, by central differences.
+    fn differences(f: impl Fn([f64; 2]) -> f64, [x, y]: [f64; 2]) -> [f64; 5] {
+        const H: f64 = 1e-4;
+        let at = |i: f64, j: f64| f([x + i * H, y + j * H]);
+        let here = at(0.0, 0.0);
+        [
+            (at(1.0, 0.0) - at(-1.0, 0.0)) / (2.0 * H),
+            (at(0.0, 1.0) - at(0.0, -1.0)) / (2.0 * H),
+            (at(1.0, 0.0) - 2.0 * here + at(-1.0, 0.0)) / (H * H),
+            (at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0)) / (4.0 * H * H),
+            (at(0.0, 1.0) - 2.0 * here + at(0.0, -1.0)) / (H * H),
+        ]
+    }
+
+    #[test]
+    fn carried_derivatives_are_those_of_the_function_seen_through_the_warp() {
+        let from_new = Mat3::new(1.1, -0.2, 0.3, 0.25, 0.9, -0.1, 0.15, -0.2, 1.0);
+        let places: Vec<[f64; 2]> = (0..25)
+            .map(|i| [0.4 * f64::from(i % 5) - 0.8, 0.35 * f64::from(i / 5) - 0.7])
+            .collect();
+        let column = |f: &dyn Fn(usize) -> f64| (0..25).map(|i| f(i) as f32).collect::<Vec<f32>>();
+        let old = |k: usize| column(&|i| differences(value, homography::apply(&from_new, places[i]))[k]);
+        let mut template = Template {
+            gx: old(0),
+            gy: old(1),
+            hessian: [old(2), old(3), old(4)],
+        };
+        let (x, y) = (column(&|i| places[i][0]), column(&|i| places[i][1]));
+        template.carry(&from_new, Points { x: &x, y: &y });
+        let [xx, xy, yy] = &template.hessian;
+        for (i, place) in places.iter().enumerate() {
+            let seen = differences(|p| value(homography::apply(&from_new, p)), *place);
+            for (carried, exact) in [&template.gx, &template.gy, xx, xy, yy]
+                .map(|v| v[i])
+                .iter()
+                .zip(seen)
+            {
+                assert!(
+                    (f64::from(*carried) - exact).abs() < 1e-4,
+                    "{i} {carried} {exact}"
+                );
+            }
+        }
+    }
+}

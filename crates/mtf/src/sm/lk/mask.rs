@@ -315,3 +315,42 @@ impl Corners {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::am::Ssd;
+    use crate::params::Resolution;
+
+    /// Whether a search of `dof` parameters uses the selection when `kept` of 400 points pass.
+    fn selected(kept: usize, dof: usize) -> bool {
+        let shape = PatchShape {
+            res: Resolution { cols: 20, rows: 20 },
+            channels: 1,
+        };
+        let template: Vec<f32> = (0..400).map(|i| (i * 37 % 101) as f32).collect();
+        let mut am = Ssd::default();
+        am.set_template(shape, &template).unwrap();
+        let mut b = Buffers {
+            values: template,
+            ..Buffers::default()
+        };
+        let mut mask = Mask::new(MaskParams {
+            spi: PointRule::Pixel,
+            ..MaskParams::default()
+        });
+        mask.start(shape, &b, &mut am).unwrap();
+        // The points that pass are those of the template; the others are far from it.
+        b.values.iter_mut().skip(kept).for_each(|v| *v += 200.0);
+        mask.apply(shape, &b, dof, &mut am);
+        am.set_current(&b.values);
+        am.similarity() == 0.0
+    }
+
+    #[test]
+    fn four_points_a_parameter_and_a_tenth_of_all_must_remain() {
+        assert_eq!([39, 40, 41].map(|kept| selected(kept, 8)), [false, true, true]);
+        assert_eq!([59, 60, 61].map(|kept| selected(kept, 15)), [false, true, true]);
+        assert!(selected(400, 8) && !selected(0, 8));
+    }
+}

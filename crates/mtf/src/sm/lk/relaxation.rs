@@ -41,3 +41,35 @@ impl Relaxation {
         };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The slope that is left after a step from a slope of 1 on a parabola whose curvature is `curvature` times the one
+    /// expected, and the length of the step after it.
+    fn second_step(curvature: f64) -> (f64, f64) {
+        let mut relaxation = Relaxation::default();
+        relaxation.promise = 1.0;
+        let left = 1.0 - relaxation.gain * curvature;
+        relaxation.adapt(left);
+        (left, relaxation.gain)
+    }
+
+    #[test]
+    fn the_second_step_ends_at_the_top_of_a_parabola() {
+        for curvature in [0.5, 0.55, 0.7, 0.9, 1.0, 1.3, 1.9, 2.0] {
+            let (left, gain) = second_step(curvature);
+            assert!(
+                (left - gain * curvature * left).abs() < 1e-12,
+                "{curvature} {gain}"
+            );
+        }
+    }
+
+    #[test]
+    fn steps_are_at_most_doubled_and_halved() {
+        let gains = [-1.0, 0.0, 0.2, 4.0, f64::NAN].map(|curvature| second_step(curvature).1);
+        assert_eq!(gains, [2.0, 2.0, 2.0, 0.5, 1.0]);
+    }
+}

@@ -529,3 +529,48 @@ pub(super) const ENTRY: SmEntry = SmEntry::new::<AllParams>(
 .also(&["nearest_neighbour"])
 .published("algorithm 6")
 .in_groups(&["stochastic"]);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::am::Ssd;
+    use crate::ssm::Translation;
+
+    /// Waves of several lengths, moved by `(dx, dy)` px.
+    fn frame([dx, dy]: [f64; 2]) -> Frame {
+        let texture = |x: f64, y: f64| {
+            let wave = |a: f64, b: f64, c: f64| libm::sin(a * x + b * y + c);
+            128.0 + 40.0 * wave(0.21, 0.13, 0.4) + 35.0 * wave(-0.11, 0.27, 1.9)
+        };
+        let value = |x: usize, y: usize| texture(x as f64 - dx, y as f64 - dy) as f32;
+        Frame::from_gray(Image::from_fn(200, 180, value))
+    }
+
+    /// Few samples lead to and fro. The best of all places seen counts, so that more iterations never make it worse.
+    #[test]
+    fn searches_of_more_iterations_end_no_farther_from_the_template() {
+        let mut returned = 0;
+        for seed in 0..8 {
+            let reached = |max_iters: usize| {
+                let params = NnParams {
+                    n_samples: 12,
+                    max_iters,
+                    epsilon: 0.0,
+                    sigma: SigmaSets::single(5.0),
+                    ..NnParams::default()
+                };
+                let sampling = SamplingParams::default();
+                let mut tracker = Nn::with_params(sampling, params, Ssd::default(), Translation::new());
+                tracker.reseed(seed);
+                tracker
+                    .init(&frame([0.0; 2]), &Corners::rect(70.0, 60.0, 50.0, 50.0))
+                    .unwrap();
+                tracker.update(&frame([4.3, -3.1])).unwrap().similarity
+            };
+            let reached: Vec<f64> = (1..9).map(reached).collect();
+            assert!(reached.is_sorted(), "{seed} {reached:?}");
+            returned += reached.windows(2).filter(|pair| pair[0] == pair[1]).count();
+        }
+        assert!(returned > 0);
+    }
+}
