@@ -16,7 +16,7 @@ crate::params! {
         norm_min: f64 = 0.0, in -1e4..=0.0;
         /// What intensity 255 becomes.
         norm_max: f64 = 1.0, in 1e-3..=1e4;
-        /// Likelihood exp(-alpha * RMS difference of the scaled patches): alpha.
+        /// Likelihood exp(-alpha sqrt(-f/n)) of n values: alpha.
         likelihood_alpha: f64 = 500.0, in 0.0..=1e6;
     }
 }

@@ -34,7 +34,7 @@ crate::params! {
         batch_size: usize = 5, in 2..=64;
         /// Forgetting factor.
         f_factor: f64 = 0.95, in 0.01..=1.0;
-        /// Likelihood exp(-alpha * RMS distance): alpha.
+        /// Likelihood exp(-alpha sqrt(-f/n)) of n values: alpha.
         likelihood_alpha: f64 = 2.0, in 0.0..=1e6;
     }
 }

@@ -20,7 +20,7 @@ crate::params! {
     pub struct SsdParams {
         /// Loss of single differences: none (squares), huber or tukey (M-estimators, scaled by the median difference).
         robust: Robust = Robust::None;
-        /// Likelihood exp(-alpha * RMS difference): alpha.
+        /// Likelihood exp(-alpha sqrt(-f/n)) of n values: alpha.
         likelihood_alpha: f64 = 2.0, in 0.0..=1e6;
     }
 }
@@ -32,7 +32,7 @@ pub struct SquaresSettings {
     pub robust: Robust,
     /// `k`: factor of intensities.
     pub scale: f64,
-    /// Likelihood `exp(-alpha RMS)` with the root mean square of `k e`: alpha.
+    /// Likelihood `exp(-alpha sqrt(-f/n))` of n values: alpha.
     pub likelihood_alpha: f64,
 }
 
