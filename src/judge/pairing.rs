@@ -1,9 +1,10 @@
 //! Trackers of two runs that differ by nothing but settings: `esm/ssd/homography` and `esm/ssd/homography{max_iters=2}`.
 
+use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A tracker that two runs have with other settings.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct OtherSettings {
     /// Its id in the first run.
     pub before: String,
