@@ -188,8 +188,8 @@ fn people(found: &Comparison, args: &CompareArgs, console: &Console) -> String {
     let many = shown_figures(&found.changed[..shown]).any(|f| f.doubt == Some(Doubt::Many));
     let why = match many {
         true => format!(
-            "~ (q): the interval of this change alone leaves out 0, but q exceeds {}: among so many changes chance makes some \
-             like it{end}",
+            "~ (q): the interval of this change alone leaves out 0, but q exceeds {}: chance gives as much over so few \
+             sequences or among so many changes{end}",
             args.fdr
         ),
         false => String::new(),

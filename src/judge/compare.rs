@@ -204,8 +204,8 @@ pub enum Doubt {
     /// The interval spans 0.
     #[serde(rename = "interval spans 0")]
     SpansZero,
-    /// The interval, which is of one change alone, leaves out 0; but among so many changes q exceeds the false discovery
-    /// rate.
+    /// The interval, which is of one change alone, leaves out 0; but over so few sequences or among so many changes q
+    /// exceeds the false discovery rate.
     #[serde(rename = "q exceeds the rate")]
     Many,
 }

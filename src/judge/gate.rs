@@ -228,7 +228,10 @@ fn obstacles(baseline: &Baseline, now: &Baseline, found: &Findings) -> Vec<Strin
             list(today)
         )]
     } else if found.missing.len() == baseline.lines.len() {
-        vec!["the run has no tracker on any sequence of the baseline".to_owned()]
+        vec![match found.other_settings.is_empty() {
+            true => "the run has no tracker on any sequence of the baseline".to_owned(),
+            false => "the run has no tracker with the settings of the baseline".to_owned(),
+        }]
     } else {
         Vec::new()
     }
@@ -381,6 +384,15 @@ mod tests {
             (3, 3, 1)
         );
         assert_eq!(c.other_settings[0].difference, "max_iters: default -> 2");
+        let one = one(&[Some(1.0)]);
+        let mut other = one.clone();
+        other[0].tracker.id += "{max_iters=2}";
+        let c = compare(&one, &other);
+        assert_eq!(c.conclusion(), Conclusion::NotComparable);
+        assert_eq!(
+            c.not_comparable,
+            ["the run has no tracker with the settings of the baseline"]
+        );
     }
 
     #[test]
