@@ -11,6 +11,9 @@ use tempfile::TempDir;
 crate::tests! {
     finds_the_tracker_that_changed;
     figures_are_those_of_the_tables;
+    a_run_of_the_reference_alone_is_compared_with_another;
+    trackers_with_other_settings_are_paired;
+    the_gate_names_other_settings_in_one_line;
     refuses_what_does_not_compare;
     warns_of_few_sequences;
     the_gate_reports_to_ci_services;
@@ -164,6 +167,87 @@ fn figures_are_those_of_the_tables() {
         .stdout(contains(
             "1 of 1 tracker changed (4 of 4 with each protocol apart), in ",
         ));
+}
+
+fn a_run_of_the_reference_alone_is_compared_with_another() {
+    let dir = with_data();
+    let dir = dir.path();
+    run(dir, "a", &["--sm", "esm", "--seq", "seq[0-3]"]);
+    run(dir, "b", &["--sm", "iclk,fclk", "--seq", "seq[0-3]"]);
+    let id = |sm: &str| format!("{sm}/ssd/homography{{res=20x20}}");
+    let found = json(dir, &["a", "b", "--reference", &id("esm")]);
+    let found = found["comparisons"].as_array().unwrap();
+    assert_eq!(found.len(), 1);
+    assert_eq!((&found[0]["b"], &found[0]["trackers"]), (&"b".into(), &2.into()));
+    // Several, one of them of the second run.
+    let several = ["a", "b", "--reference", &id("esm"), "--reference", &id("iclk")];
+    let found = json(dir, &several);
+    let found = found["comparisons"].as_array().unwrap();
+    let sides: Vec<_> = found
+        .iter()
+        .map(|c| (c["reference"].clone(), c["b"].clone(), c["trackers"].clone()))
+        .collect();
+    let side = |sm: &str, b: &str, n: usize| (id(sm).into(), b.into(), n.into());
+    assert_eq!(
+        sides,
+        [side("esm", "b", 2), side("iclk", "a", 1), side("iclk", "b", 1)]
+    );
+}
+
+fn trackers_with_other_settings_are_paired() {
+    let dir = with_data();
+    let dir = dir.path();
+    run(dir, "a", &["--sm", "esm,iclk", "--seq", "seq[0-3]"]);
+    let more = ["--sm", "esm,iclk", "--seq", "seq[0-3]", "--set", "max_iters=1"];
+    run(dir, "b", &more);
+    program(dir).args(["compare", "a", "b"]).assert().success().stdout(
+        contains("parameters of esm/ssd/homography{res=20x20}, iclk/ssd/homography{res=20x20}: max_iters: default -> 1")
+            .and(contains("of 2 trackers changed"))
+            .and(contains("only in").not()),
+    );
+}
+
+fn the_gate_names_other_settings_in_one_line() {
+    let dir = with_data();
+    let dir = dir.path();
+    run(dir, "a", &["--sm", "esm,iclk", "--seq", "seq[0-3]"]);
+    let set = [
+        "--sm",
+        "esm,iclk",
+        "--seq",
+        "seq[0-3]",
+        "--set",
+        "iclk.max_iters=1",
+    ];
+    run(dir, "b", &set);
+    let check = |args: &[&str]| {
+        let mut command = program(dir);
+        command.args(["check", "--baseline", "baseline.json"]).args(args);
+        command.assert()
+    };
+    check(&["a"]).code(2).stderr(contains(
+        "mtf-eval check a --baseline baseline.json --update-baseline records it",
+    ));
+    check(&["a", "--update-baseline"])
+        .success()
+        .stderr(contains("success rates and AUCs are as good as 1"));
+    check(&["a", "--exact"])
+        .success()
+        .stdout(contains("exact: no difference passes"));
+    check(&["b", "--junit", "junit.xml"]).code(21).stdout(
+        contains("other settings: iclk/ssd/homography{res=20x20} ran with max_iters: default -> 1; --update-baseline")
+            .and(contains("missing:").not())
+            .and(contains("not in the baseline").not()),
+    );
+    let xml = fs::read_to_string(dir.join("junit.xml")).unwrap();
+    assert!(
+        xml.contains("run with other settings, max_iters: default -&gt; 1"),
+        "{xml}"
+    );
+    check(&["a", "--tol-sr5", "two"]).code(2).stderr(contains("2%"));
+    check(&["a", "--tol-sr5", "2%"])
+        .success()
+        .stdout(contains("sr_5 2%"));
 }
 
 fn refuses_what_does_not_compare() {

@@ -5,8 +5,8 @@ mod report;
 use super::console::{Console, print, print_data_line};
 use super::exit;
 use crate::judge::baseline::{Baseline, recorded_command};
-use crate::judge::gate::{Finding, gate};
-use crate::judge::tolerances::Tolerances;
+use crate::judge::gate::{Finding, at_ceiling, gate};
+use crate::judge::tolerances::{Tolerance, Tolerances};
 use crate::metric::MetricSet;
 use crate::report::{
     Format, junit,
@@ -14,7 +14,7 @@ use crate::report::{
 };
 use crate::store::held::{Finished, finished};
 use crate::store::{Durable, write_atomic};
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, anyhow, ensure};
 use report::{Report, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -33,18 +33,21 @@ pub struct CheckArgs {
     #[arg(long, value_name = "FILE")]
     pub baseline: PathBuf,
     /// Tolerances (TOML: sr_5, auc, al_median, and [[override]] tables for some trackers or sequences); default: check.toml
-    /// beside the baseline, if there is one
+    /// beside the baseline, if there is one. A percentage ("2%") is of the baseline's value
     #[arg(long, value_name = "FILE")]
     pub tolerances: Option<PathBuf>,
     /// Largest fall of SR@5 [default: 0.01]
-    #[arg(long, value_name = "RATE", value_parser = tolerance)]
-    pub tol_sr5: Option<f64>,
+    #[arg(long, value_name = "RATE|%")]
+    pub tol_sr5: Option<Tolerance>,
     /// Largest fall of the AUC [default: 0.005]
-    #[arg(long, value_name = "AREA", value_parser = tolerance)]
-    pub tol_auc: Option<f64>,
+    #[arg(long, value_name = "AREA|%")]
+    pub tol_auc: Option<Tolerance>,
     /// Largest rise of the median alignment error, px [default: 0.05]
-    #[arg(long, value_name = "PX", value_parser = tolerance)]
-    pub tol_median: Option<f64>,
+    #[arg(long, value_name = "PX|%")]
+    pub tol_median: Option<Tolerance>,
+    /// No tolerance: every difference from the baseline fails, for better or worse, and so does what is not in it
+    #[arg(long, conflicts_with_all = ["tolerances", "tol_sr5", "tol_auc", "tol_median", "update_baseline"])]
+    pub exact: bool,
     /// Replace the baseline by this run's figures and show what changes
     #[arg(long)]
     pub update_baseline: bool,
@@ -62,16 +65,12 @@ pub struct CheckArgs {
     pub top: usize,
 }
 
-fn tolerance(s: &str) -> Result<f64, String> {
-    match s.parse::<f64>() {
-        Ok(v) if v >= 0.0 => Ok(v),
-        _ => Err("expected a number >= 0".to_owned()),
-    }
-}
-
 impl CheckArgs {
     /// Defaults, overridden by the file, overridden by flags.
     fn tolerances(&self, metrics: &MetricSet) -> anyhow::Result<Tolerances> {
+        if self.exact {
+            return Ok(Tolerances::exact(metrics));
+        }
         let beside = self.baseline.with_file_name("check.toml");
         let file = self
             .tolerances
@@ -109,15 +108,12 @@ pub fn run(
     let tolerances = args.tolerances(metrics)?;
     let old = match Baseline::read(&args.baseline, metrics) {
         Ok(baseline) => Some(baseline),
-        Err(_) if args.update_baseline && !args.baseline.exists() => None,
+        Err(_) if !args.baseline.exists() => None,
         Err(error) => return Err(error).context("cannot use the baseline"),
     };
     let dir = match (&args.run, &old) {
         (Some(dir), _) => dir.clone(),
-        (None, None) => bail!(
-            "{} does not exist: name the run to record",
-            args.baseline.display()
-        ),
+        (None, None) => return Err(no_baseline(args)),
         (None, Some(old)) => {
             ensure!(
                 !old.command.is_empty(),
@@ -159,11 +155,13 @@ pub fn run(
         if failed > 0 {
             console.warn(&format!("{failed} failed runs are now part of the baseline"));
         }
+        warn_if_saturated(&now, args, console);
         return Ok(ExitCode::SUCCESS);
     }
     let Some(old) = old else {
-        bail!("{} does not exist", args.baseline.display())
+        return Err(no_baseline(args));
     };
+    warn_if_saturated(&old, args, console);
     let findings = gate(&old, &now, &tolerances);
     let report = Report {
         findings: &findings,
@@ -180,6 +178,30 @@ pub fn run(
     let data = data.map_or(String::new(), |line| format!("\n{}\n", markdown(&line)));
     summarise(args, &(report.markdown(&dir) + &data))?;
     Ok(ExitCode::from(exit::of_conclusion(findings.conclusion())))
+}
+
+/// There is no baseline yet: how to get one.
+fn no_baseline(args: &CheckArgs) -> anyhow::Error {
+    let run = args
+        .run
+        .as_ref()
+        .map_or("RUN".into(), |run| run.to_string_lossy());
+    let baseline = args.baseline.display();
+    anyhow!(
+        "{baseline} does not exist; mtf-eval check {run} --baseline {baseline} --update-baseline records it"
+    )
+}
+
+/// Says so when most rates cannot get better, and so tell little of what gets worse.
+fn warn_if_saturated(baseline: &Baseline, args: &CheckArgs, console: &Console) {
+    let (at, all) = at_ceiling(baseline);
+    if 2 * at > all {
+        console.warn(&format!(
+            "{}: {at} of {all} success rates and AUCs are as good as 1, where trackers that get worse may stay; harder sequences \
+             guard more",
+            args.baseline.display()
+        ));
+    }
 }
 
 /// Writes the summary where the user and the CI service want it.
@@ -368,8 +390,13 @@ mod tests {
     #[test]
     fn exit_codes() {
         let runs = Runs::new();
-        assert!(runs.check(&["good"]).is_err(), "no baseline yet");
-        assert!(runs.check(&["--update-baseline"]).is_err(), "nothing to record");
+        for args in [&["good"][..], &["--update-baseline"], &[]] {
+            let why = runs.check(args).unwrap_err().to_string();
+            assert!(
+                why.contains("does not exist") && why.contains("--update-baseline records it"),
+                "{why}"
+            );
+        }
         assert_eq!(runs.check(&["good", "--update-baseline"]).unwrap(), code(0));
         assert_eq!(runs.check(&["good"]).unwrap(), code(0));
         assert_eq!(runs.check(&["bad"]).unwrap(), code(10));
@@ -377,9 +404,17 @@ mod tests {
         assert!(runs.check(&["nowhere"]).is_err());
         // The recorded command is run when no run is named.
         assert_eq!(runs.check(&[]).unwrap(), code(0));
+        // A percentage, and no tolerance at all.
+        assert_eq!(
+            runs.check(&["bad", "--tol-sr5=90%", "--tol-auc=90%", "--tol-median=900%"])
+                .unwrap(),
+            code(0)
+        );
+        assert_eq!(runs.check(&["good", "--exact"]).unwrap(), code(0));
         // Flags override check.toml, which overrides the defaults.
         std::fs::write(runs.path("check.toml"), "sr_5 = 1\nauc = 1\nal_median = 100").unwrap();
         assert_eq!(runs.check(&["bad"]).unwrap(), code(0));
+        assert_eq!(runs.check(&["bad", "--exact"]).unwrap(), code(10));
         assert_eq!(runs.check(&["bad", "--tol-auc=0.1"]).unwrap(), code(10));
         std::fs::write(runs.path("check.toml"), "sr5 = 1").unwrap();
         assert!(runs.check(&["bad"]).is_err());

@@ -5,7 +5,7 @@ use super::exit::{Failure, Outcome};
 use super::program::Program;
 use super::values::rate;
 use crate::judge::compare::{
-    Comparison, FinishedRun, Options, TrackerChange, Verdict, compare, parse_figure,
+    Comparison, Doubt, FigureChange, FinishedRun, Options, TrackerChange, Verdict, compare_all, parse_figure,
 };
 use crate::metric::aggregate::Average;
 use crate::report::{Format, render};
@@ -17,16 +17,18 @@ use std::process::ExitCode;
 ///
 /// First what is equal to the last digit, tracker by tracker and sequence by sequence. For each tracker that changed: the
 /// figures in both runs, the 95 % interval of their difference over sequences (a paired bootstrap) and `q`, the p value
-/// adjusted for the number of changed trackers and figures. `~` stands where the interval spans 0 or q exceeds --fdr:
-/// other sequences might show the opposite. Exit code 11: the runs have another protocol, other data or other thresholds.
+/// adjusted for the number of changed trackers and figures. `~` stands where the interval spans 0, `~ (q)` where the
+/// interval, which is of one change alone, leaves out 0 but q exceeds --fdr: other sequences might show the opposite.
+/// Trackers that differ by settings alone (--set max_iters=2) are compared with each other. Exit code 11: the runs have another protocol, other data or other thresholds.
 #[derive(clap::Args, Debug)]
 pub struct CompareArgs {
-    /// Run directories; each is compared with the first
+    /// Run directories; each is compared with the first, or with --reference
     #[arg(value_name = "RUN", required = true)]
     pub runs: Vec<PathBuf>,
-    /// Compare every tracker with this one of the first run, rather than with itself
-    #[arg(long, value_name = "TRACKER")]
-    pub reference: Option<String>,
+    /// Compare every tracker of all runs with this one, of the first run that has it, rather than with itself; several
+    /// times for several references
+    #[arg(long = "reference", value_name = "TRACKER")]
+    pub references: Vec<String>,
     /// Figures to compare: auc, sr_1 to sr_20, sr_area, al_mean, mcd_mean, cl_mean, jaccard_mean
     #[arg(
         long,
@@ -71,7 +73,7 @@ pub enum AverageArg {
 /// Directories that hold no finished run; runs that do not compare.
 pub fn run(args: &CompareArgs, program: &Program) -> Outcome {
     let console = &program.console;
-    if args.runs.len() < 2 && args.reference.is_none() {
+    if args.runs.len() < 2 && args.references.is_empty() {
         return Err(Failure::usage(
             "give two runs, or one and --reference TRACKER to compare its trackers with one of them",
         ));
@@ -89,19 +91,14 @@ pub fn run(args: &CompareArgs, program: &Program) -> Outcome {
         fdr: args.fdr,
         resamples: args.resamples as usize,
         seed: args.seed,
-        reference: args.reference.clone(),
+        reference: None,
     };
     let runs: Vec<FinishedRun> = args
         .runs
         .iter()
         .map(|dir| Ok(FinishedRun::read(dir, metrics)?))
         .collect::<Result<_, Failure>>()?;
-    // A reference also meets the other trackers of its own run.
-    let first = usize::from(options.reference.is_none());
-    let found: Vec<Comparison> = runs[first..]
-        .iter()
-        .map(|run| compare(&runs[0], run, &options))
-        .collect::<Result<_, _>>()?;
+    let found = compare_all(&runs, &args.references, &options)?;
     let text = match args.format {
         Format::Json => json(&found, &options),
         Format::Csv => csv(&found),
@@ -188,7 +185,20 @@ fn people(found: &Comparison, args: &CompareArgs, console: &Console) -> String {
         Some(figure) if !found.changed.is_empty() => format!(" (by {figure})"),
         _ => String::new(),
     };
-    text + &format!("\n{summary}{by}\n")
+    let many = shown_figures(&found.changed[..shown]).any(|f| f.doubt == Some(Doubt::Many));
+    let why = match many {
+        true => format!(
+            "~ (q): the interval of this change alone leaves out 0, but q exceeds {}: chance gives as much over so few \
+             sequences or among so many changes{end}",
+            args.fdr
+        ),
+        false => String::new(),
+    };
+    text + &format!("\n{why}{summary}{by}\n")
+}
+
+fn shown_figures(changed: &[TrackerChange]) -> impl Iterator<Item = &FigureChange> {
+    changed.iter().flat_map(|c| &c.figures)
 }
 
 /// A row per figure; the tracker's name stands in its first.
@@ -233,7 +243,10 @@ fn table(changed: &[TrackerChange], format: Format, console: &Console) -> String
                     signed(f.b - f.a),
                     interval,
                     format!("{:.3}", f.q),
-                    f.verdict.word().to_owned(),
+                    match f.doubt.and_then(Doubt::word) {
+                        Some(why) => format!("{} ({why})", f.verdict.word()),
+                        None => f.verdict.word().to_owned(),
+                    },
                 ]
             })
         })
@@ -261,6 +274,7 @@ fn csv(found: &[Comparison]) -> String {
         "runs",
         "runs_changed",
         "protocol",
+        "tracker_a",
     ];
     let number = |v: f64| {
         if v.is_nan() {
@@ -282,7 +296,7 @@ fn csv(found: &[Comparison]) -> String {
             cells.push(f.verdict.word().to_owned());
             let counts = [t.sequences, t.sequences_changed, t.units, t.units_changed];
             cells.extend(counts.map(|n| n.to_string()));
-            cells.push(t.protocol.clone());
+            cells.extend([t.protocol.clone(), t.tracker_a.clone()]);
             cells
         });
         each.collect()

@@ -3,6 +3,7 @@
 
 use crate::files::{self, Kind};
 use crate::judge::change::{Change, Matched, equal};
+use crate::judge::pairing::{OtherSettings, pairs};
 use crate::judge::stats::{Pair, Side, benjamini_hochberg, difference};
 use crate::metric::aggregate::{Average, Results, SequenceRow};
 use crate::metric::{Figure, MetricSet, Score};
@@ -105,6 +106,12 @@ impl FinishedRun {
         Some(&row.score)
     }
 
+    /// Ids of its trackers.
+    fn ids(&self) -> BTreeSet<String> {
+        let rows = self.results.sequences.iter();
+        rows.map(|row| row.tracker.id.clone()).collect()
+    }
+
     /// Rows of each tracker under each protocol.
     fn trackers(&self) -> BTreeMap<(&str, &str), Vec<&SequenceRow>> {
         let mut trackers: BTreeMap<(&str, &str), Vec<&SequenceRow>> = BTreeMap::new();
@@ -123,13 +130,13 @@ pub enum CompareError {
     #[error("not comparable: {}", .0.join("; "))]
     NotComparable(Vec<String>),
     /// The tracker to compare with was not run.
-    #[error("{run} has no tracker '{tracker}'{}", mtf::registry::hint(.suggestion.as_deref()))]
+    #[error("no tracker '{tracker}' in {runs}{}", mtf::registry::hint(.suggestion.as_deref()))]
     NoReference {
-        /// The run that should have it.
-        run: String,
+        /// The runs of which one should have it.
+        runs: String,
         /// The tracker.
         tracker: String,
-        /// A tracker of the run with a similar id.
+        /// A tracker of the runs with a similar id.
         suggestion: Option<String>,
     },
 }
@@ -188,6 +195,31 @@ impl Verdict {
     }
 }
 
+/// Why a change is [`Verdict::Unclear`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub enum Doubt {
+    /// There is no interval: fewer than two sequences.
+    #[serde(rename = "no interval")]
+    NoInterval,
+    /// The interval spans 0.
+    #[serde(rename = "interval spans 0")]
+    SpansZero,
+    /// The interval, which is of one change alone, leaves out 0; but over so few sequences or among so many changes q
+    /// exceeds the false discovery rate.
+    #[serde(rename = "q exceeds the rate")]
+    Many,
+}
+
+impl Doubt {
+    /// One word for tables; none where the interval speaks for itself.
+    pub fn word(self) -> Option<&'static str> {
+        match self {
+            Doubt::NoInterval | Doubt::SpansZero => None,
+            Doubt::Many => Some("q"),
+        }
+    }
+}
+
 /// One figure of a tracker that changed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FigureChange {
@@ -205,6 +237,8 @@ pub struct FigureChange {
     pub q: f64,
     /// What to make of it.
     pub verdict: Verdict,
+    /// Why nothing can be made of it.
+    pub doubt: Option<Doubt>,
 }
 
 /// A tracker whose results differ.
@@ -212,6 +246,8 @@ pub struct FigureChange {
 pub struct TrackerChange {
     /// Its id in the second run.
     pub tracker: String,
+    /// What it is compared with: its id in the first run, which may have other settings, or the reference.
+    pub tracker_a: String,
     /// The protocol.
     pub protocol: String,
     /// Units that both runs have.
@@ -272,26 +308,81 @@ fn same(a: &SequenceRow, b: &SequenceRow, shared: &Shared) -> bool {
     a.status == b.status && shared.iter().all(|&i| equal(x[i], y[i]))
 }
 
+/// Compares every run but the first with the first. With `references`: the trackers of every run with each of them, which
+/// is taken from the first run that has it; a run that holds it alone is not compared with itself if there are others.
+///
+/// # Errors
+/// [`CompareError`]: other protocol, data, thresholds; nothing in common.
+pub fn compare_all(
+    runs: &[FinishedRun],
+    references: &[String],
+    options: &Options,
+) -> Result<Vec<Comparison>, CompareError> {
+    let Some((first, others)) = runs.split_first() else {
+        return Ok(Vec::new());
+    };
+    if references.is_empty() {
+        return others.iter().map(|run| compare(first, run, options)).collect();
+    }
+    let mut found = Vec::new();
+    for reference in references {
+        let options = Options {
+            reference: Some(reference.clone()),
+            ..options.clone()
+        };
+        let has = |run: &&FinishedRun| run.ids().contains(reference);
+        let Some(home) = runs.iter().find(has) else {
+            let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
+            let ids: BTreeSet<String> = runs.iter().flat_map(FinishedRun::ids).collect();
+            return Err(CompareError::NoReference {
+                runs: names.join(", "),
+                tracker: reference.clone(),
+                suggestion: mtf::registry::suggest(reference, ids.iter().map(String::as_str)),
+            });
+        };
+        for run in runs {
+            let alone = run.name == home.name && home.ids().len() == 1;
+            if !alone || runs.len() == 1 {
+                found.push(compare(home, run, &options)?);
+            }
+        }
+    }
+    Ok(found)
+}
+
 /// Compares `b` with `a`.
 ///
 /// # Errors
 /// [`CompareError`]: other protocol, data, thresholds; nothing in common.
 pub fn compare(a: &FinishedRun, b: &FinishedRun, options: &Options) -> Result<Comparison, CompareError> {
     let (of_a, of_b) = (a.trackers(), b.trackers());
-    let ids = |of: &BTreeMap<(&'_ str, &str), _>| -> BTreeSet<String> {
-        of.keys().map(|(id, _)| (*id).to_owned()).collect()
-    };
-    let (ids_a, ids_b) = (ids(&of_a), ids(&of_b));
+    let (ids_a, ids_b) = (a.ids(), b.ids());
     if let Some(id) = options.reference.as_ref().filter(|id| !ids_a.contains(*id)) {
         return Err(CompareError::NoReference {
-            run: a.name.clone(),
+            runs: a.name.clone(),
             tracker: id.clone(),
             suggestion: mtf::registry::suggest(id, ids_a.iter().map(String::as_str)),
         });
     }
-    // What a tracker is compared with: itself, or the reference.
-    fn partner<'a>(options: &'a Options, id: &'a str) -> &'a str {
-        options.reference.as_deref().unwrap_or(id)
+    fn lacking<'a>(
+        these: &'a BTreeSet<String>,
+        those: &'a BTreeSet<String>,
+    ) -> impl Iterator<Item = &'a str> {
+        these.difference(those).map(String::as_str)
+    }
+    let other_settings = match options.reference {
+        Some(_) => Vec::new(),
+        None => pairs(lacking(&ids_a, &ids_b), lacking(&ids_b, &ids_a)),
+    };
+    let before: BTreeMap<&str, &str> = other_settings
+        .iter()
+        .map(|p| (p.after.as_str(), p.before.as_str()))
+        .collect();
+    let after: BTreeMap<&str, &str> = before.iter().map(|(after, before)| (*before, *after)).collect();
+    // What a tracker is compared with: itself, itself with other settings, or the reference.
+    fn partner<'a>(options: &'a Options, before: &BTreeMap<&str, &'a str>, id: &'a str) -> &'a str {
+        let reference = options.reference.as_deref();
+        reference.unwrap_or_else(|| before.get(id).copied().unwrap_or(id))
     }
     // The reference itself is left out where it would meet itself.
     let itself = |id: &str| options.reference.as_deref() == Some(id) && a.name == b.name;
@@ -303,12 +394,27 @@ pub fn compare(a: &FinishedRun, b: &FinishedRun, options: &Options) -> Result<Co
     let partners: Vec<Case<'_>> = of_b
         .iter()
         .filter(|((id, _), _)| !itself(id))
-        .filter_map(|(case, rows)| Some((*case, of_a.get(&(partner(options, case.0), case.1))?, rows)))
+        .filter_map(|(case, rows)| {
+            Some((
+                *case,
+                of_a.get(&(partner(options, &before, case.0), case.1))?,
+                rows,
+            ))
+        })
         .collect();
-    let compared = |id: &String| !itself(id) && ids_a.contains(partner(options, id));
+    let compared = |id: &String| !itself(id) && ids_a.contains(partner(options, &before, id));
     let figures = a.results.metrics.figures();
     let both_have = |f: &Figure| a.has(f) && b.has(f);
-    let mut obstacles = obstacles(a, b, !ids_b.iter().any(compared));
+    let mut obstacles = obstacles(a, b);
+    if !ids_b.iter().any(compared) {
+        obstacles.push(match &options.reference {
+            Some(id) => format!(
+                "{} has no tracker but {id}, so there is none to compare with it",
+                b.name
+            ),
+            None => "no tracker in common (--reference TRACKER compares with one tracker)".to_owned(),
+        });
+    }
     for name in &options.figures {
         if !figures.iter().any(|f| f.name == *name && both_have(f)) {
             obstacles.push(format!("not both runs have the figure {name}"));
@@ -328,7 +434,7 @@ pub fn compare(a: &FinishedRun, b: &FinishedRun, options: &Options) -> Result<Co
             .collect::<BTreeSet<_>>()
             .len(),
         cases: partners.len(),
-        settings: settings(a, b, options.reference.is_some()),
+        settings: settings(a, b, &other_settings, options.reference.is_some()),
         ..Comparison::default()
     };
     let compared: Vec<(Matched<SequenceRow>, Option<TrackerChange>)> = partners
@@ -336,12 +442,13 @@ pub fn compare(a: &FinishedRun, b: &FinishedRun, options: &Options) -> Result<Co
         .map(|((id, protocol), rows_a, rows_b)| {
             let matched = matched(rows_a, rows_b);
             let whole = matched.only_before.is_empty() && matched.only_after.is_empty();
+            let partner = partner(options, &before, id);
             let tables = || {
-                let first = a.table(partner(options, id), protocol, options.average)?;
+                let first = a.table(partner, protocol, options.average)?;
                 Some([first, b.table(id, protocol, options.average)?])
             };
             let tables = if whole { tables() } else { None };
-            let change = change(id, &matched.both, tables, figures, &shared, options);
+            let change = change([partner, id], &matched.both, tables, figures, &shared, options);
             (matched, change)
         })
         .collect();
@@ -358,20 +465,24 @@ pub fn compare(a: &FinishedRun, b: &FinishedRun, options: &Options) -> Result<Co
         return Err(CompareError::NotComparable(vec![nothing]));
     }
     if options.reference.is_none() {
-        let only = |these: &BTreeSet<String>, those: &BTreeSet<String>| {
-            let lacking = these.difference(those).cloned();
-            lacking.collect()
+        type Others<'a> = BTreeMap<&'a str, &'a str>;
+        let only = |these: &BTreeSet<String>, those: &BTreeSet<String>, paired: &Others<'_>| -> Vec<String> {
+            let alone = lacking(these, those).filter(|id| !paired.contains_key(id));
+            alone.map(str::to_owned).collect()
         };
-        (result.only_a, result.only_b) = (only(&ids_a, &ids_b), only(&ids_b, &ids_a));
+        (result.only_a, result.only_b) = (only(&ids_a, &ids_b, &after), only(&ids_b, &ids_a, &before));
         // Trackers that both have, under protocols that one has.
         type Rows<'a> = BTreeMap<(&'a str, &'a str), Vec<&'a SequenceRow>>;
-        let alone = |these: &Rows<'_>, those: &Rows<'_>, ids: &BTreeSet<String>| -> usize {
-            let lacking = these.iter();
-            let lacking = lacking.filter(|(key, _)| ids.contains(key.0) && !those.contains_key(*key));
-            lacking.map(|(_, rows)| rows.len()).sum()
-        };
-        result.units_only_a += alone(&of_a, &of_b, &ids_b);
-        result.units_only_b += alone(&of_b, &of_a, &ids_a);
+        let alone =
+            |these: &Rows<'_>, those: &Rows<'_>, ids: &BTreeSet<String>, paired: &Others<'_>| -> usize {
+                let lacking = these.iter().filter(|((id, protocol), _)| {
+                    let id = paired.get(id).copied().unwrap_or(id);
+                    ids.contains(id) && !those.contains_key(&(id, *protocol))
+                });
+                lacking.map(|(_, rows)| rows.len()).sum()
+            };
+        result.units_only_a += alone(&of_a, &of_b, &ids_b, &after);
+        result.units_only_b += alone(&of_b, &of_a, &ids_a, &before);
     }
     let changed: BTreeSet<&String> = result.changed.iter().map(|c| &c.tracker).collect();
     result.trackers_changed = changed.len();
@@ -394,7 +505,7 @@ fn matched<'a>(a: &[&'a SequenceRow], b: &[&'a SequenceRow]) -> Matched<'a, Sequ
 /// The change of a tracker over units that are sorted by data set and sequence, which are what `tables` are of, if they are
 /// given; q values and verdicts are still to come. `None` when nothing changed.
 fn change(
-    id: &str,
+    [id_a, id]: [&str; 2],
     units: &[(&SequenceRow, &SequenceRow)],
     tables: Option<[&Score; 2]>,
     figures: &[Figure],
@@ -439,11 +550,17 @@ fn change(
             p: found.p,
             q: found.p,
             verdict,
+            doubt: match found.interval[0].is_nan() {
+                _ if found.excludes_zero() => None,
+                true => Some(Doubt::NoInterval),
+                false => Some(Doubt::SpansZero),
+            },
         })
     });
     let changed = |units: &&&[(&SequenceRow, &SequenceRow)]| !units.iter().all(same);
     Some(TrackerChange {
         tracker: id.to_owned(),
+        tracker_a: id_a.to_owned(),
         protocol: units.first().map_or(String::new(), |(a, _)| a.protocol.clone()),
         units: units.len(),
         units_changed,
@@ -480,6 +597,7 @@ fn judge(changed: &mut [TrackerChange], fdr: f64) {
         figure.q = q;
         if q > fdr {
             figure.verdict = Verdict::Unclear;
+            figure.doubt.get_or_insert(Doubt::Many);
         }
     }
     let unclear = |c: &TrackerChange| c.figures.iter().all(|f| f.verdict == Verdict::Unclear);
@@ -488,7 +606,7 @@ fn judge(changed: &mut [TrackerChange], fdr: f64) {
 }
 
 /// What makes figures of the two runs mean different things.
-fn obstacles(a: &FinishedRun, b: &FinishedRun, no_common_tracker: bool) -> Vec<String> {
+fn obstacles(a: &FinishedRun, b: &FinishedRun) -> Vec<String> {
     const SHOWN: usize = 3;
     let mut found = Vec::new();
     let protocols = |run: &FinishedRun| -> BTreeSet<String> {
@@ -537,15 +655,13 @@ fn obstacles(a: &FinishedRun, b: &FinishedRun, no_common_tracker: bool) -> Vec<S
             shown.join(", ")
         ));
     }
-    if no_common_tracker {
-        found.push("no tracker in common (--reference TRACKER compares with one tracker)".to_owned());
-    }
     found
 }
 
-/// Settings that differ between the runs.
-fn settings(a: &FinishedRun, b: &FinishedRun, other_trackers: bool) -> Vec<String> {
+/// Settings that differ between the runs; trackers whose parameters differ alike share a line.
+fn settings(a: &FinishedRun, b: &FinishedRun, paired: &[OtherSettings], other_trackers: bool) -> Vec<String> {
     const SHOWN: usize = 5;
+    const NAMED: usize = 2;
     let plain = |v: &Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
     let mut found = Vec::new();
     let mut note = |name: &str, x: &Value, y: &Value| {
@@ -561,20 +677,31 @@ fn settings(a: &FinishedRun, b: &FinishedRun, other_trackers: bool) -> Vec<Strin
     if other_trackers {
         return found;
     }
-    let of_b = b.parameters();
-    let changed: Vec<String> = a
-        .parameters()
-        .into_iter()
-        .filter_map(|(id, x)| Some((id, x, *of_b.get(id)?)))
-        .filter(|(_, x, y)| x != y)
-        .map(|(id, x, y)| {
+    let (of_a, of_b) = (a.parameters(), b.parameters());
+    let mut changed: Vec<(String, Vec<&str>)> = Vec::new();
+    let mut change = |id, what: String| match changed.iter_mut().find(|(known, _)| *known == what) {
+        Some((_, ids)) => ids.push(id),
+        None => changed.push((what, vec![id])),
+    };
+    for (id, x) in &of_a {
+        if let Some(y) = of_b.get(id).filter(|y| *y != x) {
             let mut differing = Vec::new();
             leaves("", x, y, &mut differing);
-            format!("parameters of {id}: {}", differing.join(", "))
-        })
-        .collect();
-    let more = changed.len().saturating_sub(SHOWN);
-    found.extend(changed.into_iter().take(SHOWN));
+            change(id, differing.join(", "));
+        }
+    }
+    for pair in paired {
+        change(&pair.before, pair.difference.clone());
+    }
+    let more: usize = changed.iter().skip(SHOWN).map(|(_, ids)| ids.len()).sum();
+    found.extend(changed.into_iter().take(SHOWN).map(|(what, ids)| {
+        let others = match ids.len().saturating_sub(NAMED) {
+            0 => String::new(),
+            n => format!(" and {n} more"),
+        };
+        let named: Vec<&str> = ids.into_iter().take(NAMED).collect();
+        format!("parameters of {}{others}: {what}", named.join(", "))
+    }));
     if more > 0 {
         found.push(format!("parameters of {more} more trackers"));
     }

@@ -4,7 +4,9 @@
 
 use crate::judge::baseline::{Baseline, Line};
 use crate::judge::change::{Change, Matched, Subject};
+use crate::judge::pairing::{OtherSettings, pairs};
 use crate::judge::tolerances::Tolerances;
+use crate::metric::{Direction, Figure};
 use crate::plan::Protocol;
 use std::collections::BTreeSet;
 
@@ -45,6 +47,11 @@ pub struct Findings {
     pub missing: Vec<Subject>,
     /// In the run but not in the baseline; they do not count.
     pub added: Vec<Subject>,
+    /// Trackers of the baseline that the run has with other settings. What they were judged on is missing, and what they
+    /// are now is added.
+    pub other_settings: Vec<OtherSettings>,
+    /// Every difference fails, for better or worse.
+    pub exact: bool,
     /// Gated figures that the baseline lacks; they do not count.
     pub added_figures: Vec<String>,
     /// Figures over another number of frames than in the baseline: they differ but say nothing.
@@ -54,13 +61,18 @@ pub struct Findings {
 }
 
 impl Findings {
+    /// Whether anything else than a drop stands against an exact comparison.
+    fn differs(&self) -> bool {
+        self.exact && !(self.improved.is_empty() && self.unjudged.is_empty() && self.added.is_empty())
+    }
+
     /// The conclusion; what prevents a comparison comes before what it finds.
     pub fn conclusion(&self) -> Conclusion {
         if !self.not_comparable.is_empty() {
             Conclusion::NotComparable
         } else if !self.missing.is_empty() {
             Conclusion::Incomplete
-        } else if !self.drops.is_empty() || !self.failed.is_empty() {
+        } else if !self.drops.is_empty() || !self.failed.is_empty() || self.differs() {
             Conclusion::Dropped
         } else {
             Conclusion::Passed
@@ -71,11 +83,19 @@ impl Findings {
 /// Compares a run (`now`) with a baseline. Pooled figures are judged only when both are over the same number of frames, so
 /// sequences that the baseline does not know do not blur them.
 pub fn gate(baseline: &Baseline, now: &Baseline, tolerances: &Tolerances) -> Findings {
-    let mut result = Findings::default();
+    let mut result = Findings {
+        exact: tolerances.exact,
+        ..Findings::default()
+    };
     let matched = Matched::new(&baseline.lines, &now.lines, |line| &line.subject);
     let subjects = |lines: &[&Line]| lines.iter().map(|l| l.subject.clone()).collect();
     result.missing = subjects(&matched.only_before);
     result.added = subjects(&matched.only_after);
+    fn trackers(b: &Baseline) -> BTreeSet<&str> {
+        b.lines.iter().map(|l| l.subject.tracker.as_str()).collect()
+    }
+    let (then, today) = (trackers(baseline), trackers(now));
+    result.other_settings = pairs(then.difference(&today).copied(), today.difference(&then).copied());
     let mut other_frames = BTreeSet::new();
     for (base, line) in &matched.both {
         let subject = &base.subject;
@@ -100,7 +120,7 @@ pub fn gate(baseline: &Baseline, now: &Baseline, tolerances: &Tolerances) -> Fin
             };
             let change = Change::new(figure, *value, current);
             // Figures have six decimals; half of the last one absorbs the rounding of the difference.
-            let limit = tolerances.at(subject, name) + 5e-7;
+            let limit = tolerances.at(subject, name).limit(*value) + 5e-7;
             let gain = change.gain();
             let list = if change.is_none() {
                 None
@@ -123,7 +143,10 @@ pub fn gate(baseline: &Baseline, now: &Baseline, tolerances: &Tolerances) -> Fin
         }
     }
     // Stable, so equal changes stay in the baseline's order.
-    let in_tolerances = |f: &Finding| f.change.gain() / tolerances.at(&f.subject, &f.change.figure).max(1e-6);
+    let in_tolerances = |f: &Finding| {
+        let tolerance = tolerances.at(&f.subject, &f.change.figure);
+        f.change.gain() / tolerance.limit(f.change.before).max(1e-6)
+    };
     let by_gain = |a: &Finding, b: &Finding| in_tolerances(a).total_cmp(&in_tolerances(b));
     result.drops.sort_by(by_gain);
     result.improved.sort_by(|a, b| by_gain(b, a));
@@ -152,6 +175,28 @@ pub fn gate(baseline: &Baseline, now: &Baseline, tolerances: &Tolerances) -> Fin
     }
     result.not_comparable.extend(other_frames);
     result
+}
+
+/// How many rates of a baseline's sequences are within their default tolerance of 1, and how many rates there are.
+///
+/// Trackers that get worse on sequences as easy as that may keep their rates, so a gate on them guards little.
+pub fn at_ceiling(baseline: &Baseline) -> (usize, usize) {
+    let (mut at, mut all) = (0, 0);
+    for line in baseline
+        .lines
+        .iter()
+        .filter(|l| !l.subject.is_pooled() && l.frames > 0)
+    {
+        for (name, value) in &line.figures {
+            let rate = |f: &&Figure| f.better == Direction::LargerIsBetter && f.unit.is_empty();
+            let figure = baseline.metrics.figure(name).filter(rate);
+            if let Some(figure) = figure.filter(|_| value.is_finite()) {
+                all += 1;
+                at += usize::from(*value >= 1.0 - figure.tolerance.unwrap_or(0.0));
+            }
+        }
+    }
+    (at, all)
 }
 
 fn obstacles(baseline: &Baseline, now: &Baseline, found: &Findings) -> Vec<String> {
@@ -183,7 +228,10 @@ fn obstacles(baseline: &Baseline, now: &Baseline, found: &Findings) -> Vec<Strin
             list(today)
         )]
     } else if found.missing.len() == baseline.lines.len() {
-        vec!["the run has no tracker on any sequence of the baseline".to_owned()]
+        vec![match found.other_settings.is_empty() {
+            true => "the run has no tracker on any sequence of the baseline".to_owned(),
+            false => "the run has no tracker with the settings of the baseline".to_owned(),
+        }]
     } else {
         Vec::new()
     }
@@ -287,6 +335,72 @@ mod tests {
         assert_eq!(moved(0.99), [0, 0, 6]);
         assert_eq!(moved(-0.99), [0, 0, 6]);
         assert_eq!(moved(-1.01), [0, 6, 0]);
+    }
+
+    #[test]
+    fn an_exact_comparison_fails_for_better_or_worse() {
+        let (then, now) = (one(&[Some(1.0), Some(1.001)]), one(&[Some(1.0), Some(1.0)]));
+        assert_eq!(compare(&then, &now).conclusion(), Conclusion::Passed);
+        let exact = |then: &[UnitResult], now: &[UnitResult]| {
+            let exact = Tolerances::exact(&MetricSet::builtin());
+            gate(&baseline(then), &baseline(now), &exact).conclusion()
+        };
+        assert_eq!(exact(&then, &now), Conclusion::Dropped);
+        assert_eq!(exact(&now, &then), Conclusion::Dropped);
+        assert_eq!(exact(&then, &then), Conclusion::Passed);
+        let all = example::units();
+        assert_eq!(exact(&all[1..], &all), Conclusion::Dropped, "added");
+    }
+
+    #[test]
+    fn relative_tolerances() {
+        let (then, now) = (baseline(&one(&[Some(4.0)])), baseline(&one(&[Some(4.3)])));
+        let median = |tolerance: &str| {
+            let mut tolerances = usual();
+            tolerances.set("al_median", tolerance.parse().unwrap());
+            let drops = gate(&then, &now, &tolerances).drops;
+            drops.iter().any(|d| d.change.figure == "al_median")
+        };
+        assert_eq!(
+            ["0.3", "0.29", "7.5%", "7%"].map(median),
+            [false, true, false, true]
+        );
+    }
+
+    #[test]
+    fn trackers_with_other_settings_are_named_as_such() {
+        let all = example::units();
+        let set = |units: &[UnitResult]| -> Vec<UnitResult> {
+            let mut units = units.to_vec();
+            for unit in units.iter_mut().filter(|u| u.tracker.id == "esm/ssd/homography") {
+                unit.tracker.id += "{max_iters=2}";
+            }
+            units
+        };
+        let c = compare(&all, &set(&all));
+        assert_eq!(c.conclusion(), Conclusion::Incomplete);
+        assert_eq!(
+            (c.missing.len(), c.added.len(), c.other_settings.len()),
+            (3, 3, 1)
+        );
+        assert_eq!(c.other_settings[0].difference, "max_iters: default -> 2");
+        let one = one(&[Some(1.0)]);
+        let mut other = one.clone();
+        other[0].tracker.id += "{max_iters=2}";
+        let c = compare(&one, &other);
+        assert_eq!(c.conclusion(), Conclusion::NotComparable);
+        assert_eq!(
+            c.not_comparable,
+            ["the run has no tracker with the settings of the baseline"]
+        );
+    }
+
+    #[test]
+    fn rates_at_their_ceiling() {
+        let of = |shifts: &[Option<f64>]| at_ceiling(&baseline(&one(shifts)));
+        assert_eq!(of(&[Some(0.0), Some(0.0)]), (2, 2));
+        assert_eq!(of(&[Some(4.0), Some(4.0)]), (1, 2));
+        assert_eq!(of(&[Some(9.0), Some(9.0)]), (0, 2));
     }
 
     #[test]

@@ -8,16 +8,99 @@ use crate::metric::{Figure, MetricSet};
 use crate::store::FileError;
 use globset::{GlobBuilder, GlobMatcher};
 use serde::ser::SerializeMap;
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::Path;
+use std::str::FromStr;
+
+/// By how much a figure may get worse.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tolerance {
+    /// In the unit of the figure: `0.01`.
+    Absolute(f64),
+    /// As a fraction of the baseline's value: `"2%"` is 0.02.
+    Relative(f64),
+}
+
+impl Tolerance {
+    /// The limit in the figure's unit where the baseline has `value`; 0 for a fraction of what is not finite.
+    pub fn limit(self, value: f64) -> f64 {
+        match self {
+            Tolerance::Absolute(limit) => limit,
+            Tolerance::Relative(part) if value.is_finite() => part * value.abs(),
+            Tolerance::Relative(_) => 0.0,
+        }
+    }
+}
+
+impl fmt::Display for Tolerance {
+    /// As it is read: `0.01` or `2%`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Tolerance::Absolute(limit) => write!(f, "{limit}"),
+            // Twelve digits, so that what was divided by 100 comes back as it was typed.
+            Tolerance::Relative(part) => write!(f, "{}%", (part * 1e14).round() / 1e12),
+        }
+    }
+}
+
+impl FromStr for Tolerance {
+    type Err = String;
+
+    /// Reads `0.01` or `2%`.
+    fn from_str(text: &str) -> Result<Tolerance, String> {
+        let (number, relative) = match text.strip_suffix('%') {
+            Some(number) => (number, true),
+            None => (text, false),
+        };
+        match number.trim().parse::<f64>() {
+            Ok(v) if v >= 0.0 && !relative => Ok(Tolerance::Absolute(v)),
+            Ok(v) if v >= 0.0 => Ok(Tolerance::Relative(v / 100.0)),
+            _ => Err(
+                "a tolerance is a number >= 0, or a percentage of the baseline's value as in \"2%\""
+                    .to_owned(),
+            ),
+        }
+    }
+}
+
+impl Serialize for Tolerance {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Tolerance::Absolute(limit) => serializer.serialize_f64(*limit),
+            Tolerance::Relative(_) => serializer.collect_str(self),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Tolerance {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Tolerance, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(
+            untagged,
+            expecting = "a tolerance is a number >= 0, or a percentage as in \"2%\""
+        )]
+        enum Written {
+            Number(f64),
+            Text(String),
+        }
+        let text = match Written::deserialize(deserializer)? {
+            Written::Number(number) => number.to_string(),
+            Written::Text(text) => text,
+        };
+        text.parse().map_err(serde::de::Error::custom)
+    }
+}
 
 /// How much worse a figure may get: for each figure that the gate looks at the largest fall, or the largest rise where
 /// smaller is better.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tolerances {
     /// By figure, in the order of columns.
-    figures: Vec<(String, f64)>,
+    figures: Vec<(String, Tolerance)>,
+    /// Every difference fails, for better or worse.
+    pub exact: bool,
     /// Other tolerances for some trackers or sequences; of those that fit, the last that names a figure holds.
     pub overrides: Vec<Override>,
 }
@@ -33,7 +116,7 @@ pub struct Override {
     pub sequence: Option<Pattern>,
     /// By figure.
     #[serde(flatten)]
-    pub figures: BTreeMap<String, f64>,
+    pub figures: BTreeMap<String, Tolerance>,
 }
 
 impl Override {
@@ -108,7 +191,7 @@ struct Recorded {
     #[serde(rename = "override", default)]
     overrides: Vec<Override>,
     #[serde(flatten)]
-    figures: BTreeMap<String, f64>,
+    figures: BTreeMap<String, Tolerance>,
 }
 
 impl Tolerances {
@@ -122,14 +205,25 @@ impl Tolerances {
         Tolerances::with(metrics, |_| 0.0)
     }
 
+    /// Every change fails, for better or worse.
+    pub fn exact(metrics: &MetricSet) -> Tolerances {
+        Tolerances {
+            exact: true,
+            ..Tolerances::none(metrics)
+        }
+    }
+
     fn with(metrics: &MetricSet, tolerance: impl Fn(&Figure) -> f64) -> Tolerances {
         Tolerances {
-            figures: gated(metrics).map(|f| (f.name.clone(), tolerance(f))).collect(),
+            figures: gated(metrics)
+                .map(|f| (f.name.clone(), Tolerance::Absolute(tolerance(f))))
+                .collect(),
+            exact: false,
             overrides: Vec::new(),
         }
     }
 
-    /// Reads a TOML file: gated figures (`sr_5 = 0.01`, ...) and tables `[[override]]`; what is not named keeps its default.
+    /// Reads a TOML file: gated figures (`sr_5 = 0.01`, `al_median = "5%"`, ...) and tables `[[override]]`; what is not named keeps its default.
     ///
     /// # Errors
     /// [`FileError`] when it is missing, not TOML, has other keys or a tolerance is not a number `>= 0`.
@@ -146,16 +240,13 @@ impl Tolerances {
         })?;
         let mut tolerances = Tolerances::of(metrics);
         let special = recorded.overrides.iter().flat_map(|o| &o.figures);
-        for (name, tolerance) in recorded.figures.iter().chain(special) {
+        for (name, _) in recorded.figures.iter().chain(special) {
             if tolerances.general(name).is_none() {
                 let names: Vec<&str> = tolerances.figures.iter().map(|(name, _)| name.as_str()).collect();
                 return Err(format!(
                     "there is no tolerance '{name}' (one of {})",
                     names.join(", ")
                 ));
-            }
-            if tolerance.is_nan() || *tolerance < 0.0 {
-                return Err("a tolerance is a number >= 0".to_owned());
             }
         }
         for (name, tolerance) in &recorded.figures {
@@ -166,31 +257,32 @@ impl Tolerances {
     }
 
     /// Sets the tolerance of a gated figure where no override fits.
-    pub fn set(&mut self, figure: &str, tolerance: f64) {
+    pub fn set(&mut self, figure: &str, tolerance: Tolerance) {
         for (_, value) in self.figures.iter_mut().filter(|(name, _)| name == figure) {
             *value = tolerance;
         }
     }
 
     /// The gated figures with their tolerances where no override fits, in the order of columns.
-    pub fn figures(&self) -> impl Iterator<Item = (&str, f64)> {
+    pub fn figures(&self) -> impl Iterator<Item = (&str, Tolerance)> {
         self.figures
             .iter()
             .map(|(name, tolerance)| (name.as_str(), *tolerance))
     }
 
     /// The tolerance of a figure where no override fits; `None` for one that is not gated.
-    pub fn general(&self, figure: &str) -> Option<f64> {
+    pub fn general(&self, figure: &str) -> Option<Tolerance> {
         self.figures()
             .find(|(name, _)| *name == figure)
             .map(|(_, tolerance)| tolerance)
     }
 
     /// The tolerance of a gated figure of one tracker on one sequence; 0 for others.
-    pub fn at(&self, subject: &Subject, figure: &str) -> f64 {
+    pub fn at(&self, subject: &Subject, figure: &str) -> Tolerance {
         let fitting = self.overrides.iter().rev().filter(|o| o.fits(subject));
         let special = fitting.filter_map(|o| o.figures.get(figure).copied()).next();
-        special.or_else(|| self.general(figure)).unwrap_or(0.0)
+        let tolerance = special.or_else(|| self.general(figure));
+        tolerance.unwrap_or(Tolerance::Absolute(0.0))
     }
 }
 
@@ -208,9 +300,13 @@ mod tests {
     #[test]
     fn file() {
         let mut expected = Tolerances::of(&MetricSet::builtin());
-        let shown: Vec<(&str, f64)> = expected.figures().collect();
-        assert_eq!(shown, [("sr_5", 0.01), ("auc", 0.005), ("al_median", 0.05)]);
-        expected.set("auc", 0.1);
+        let shown: Vec<(&str, Tolerance)> = expected.figures().collect();
+        let usual = [("sr_5", 0.01), ("auc", 0.005), ("al_median", 0.05)];
+        assert_eq!(
+            shown,
+            usual.map(|(name, limit)| (name, Tolerance::Absolute(limit)))
+        );
+        expected.set("auc", Tolerance::Absolute(0.1));
         assert_eq!(read("auc = 0.1").unwrap(), expected);
         assert!(read("aucc = 0.1").unwrap_err().to_string().contains("aucc"));
         for wrong in [
@@ -218,9 +314,27 @@ mod tests {
             "auc = nan",
             "[[override]]\nauc = -1.0",
             "[[override]]\nx = 1",
+            "auc = \"-2%\"",
+            "auc = \"two\"",
+            "auc = true",
         ] {
             assert!(read(wrong).is_err(), "{wrong}");
         }
+        let why = read("auc = \"two\"").unwrap_err().to_string();
+        assert!(why.contains("line 1") && why.contains("2%"), "{why}");
+    }
+
+    #[test]
+    fn tolerances_are_absolute_or_relative() {
+        let read = read("sr_5 = 1\nauc = \"0.7%\"\nal_median = \"20 %\"").unwrap();
+        let limit = |figure: &str, value: f64| read.general(figure).unwrap().limit(value);
+        assert_eq!((limit("sr_5", 0.5), limit("al_median", 0.5)), (1.0, 0.1));
+        assert!((limit("auc", 0.5) - 0.0035).abs() < 1e-12);
+        assert_eq!(limit("al_median", f64::INFINITY), 0.0);
+        let shown: Vec<String> = read.figures().map(|(_, t)| t.to_string()).collect();
+        assert_eq!(shown, ["1", "0.7%", "20%"]);
+        let text = toml::to_string(&read).unwrap();
+        assert_eq!(Tolerances::parse(&text, &MetricSet::builtin()), Ok(read));
     }
 
     #[test]
@@ -245,7 +359,7 @@ mod tests {
                 start: 0,
                 protocol: "ope".to_owned(),
             };
-            read.at(&subject, figure)
+            read.at(&subject, figure).limit(1.0)
         };
         assert_eq!(of("esm/ssd/affine", "fast1", "auc"), 0.1);
         assert_eq!(of("pf/ssd/affine", "fast1", "auc"), 0.2);

@@ -24,11 +24,24 @@ pub fn junit(
         drops.entry(&drop.subject).or_default().push(drop);
     }
     let missing: BTreeSet<&Subject> = findings.missing.iter().collect();
+    let other_settings: BTreeMap<&str, String> = findings
+        .other_settings
+        .iter()
+        .map(|o| {
+            (
+                o.before.as_str(),
+                format!("run with other settings, {}", o.difference),
+            )
+        })
+        .collect();
+    let named: BTreeSet<&str> = findings.other_settings.iter().map(|o| o.after.as_str()).collect();
     let failed: BTreeSet<&Subject> = findings.failed.iter().collect();
     let unjudged: BTreeSet<&Subject> = findings.unjudged.iter().map(|f| &f.subject).collect();
     let status = |subject: &Subject| {
         if missing.contains(subject) {
-            problem(NonSuccessKind::Error, "missing", "not in the run".to_owned())
+            let why = other_settings.get(subject.tracker.as_str()).cloned();
+            let why = why.unwrap_or_else(|| "not in the run".to_owned());
+            problem(NonSuccessKind::Error, "missing", why)
         } else if failed.contains(subject) {
             problem(NonSuccessKind::Failure, "failed", "the run failed".to_owned())
         } else if let Some(drops) = drops.get(subject) {
@@ -56,6 +69,7 @@ pub fn junit(
     let added = findings
         .added
         .iter()
+        .filter(|subject| !named.contains(subject.tracker.as_str()))
         .map(|subject| (subject, skipped("not in the baseline")));
     let mut suites: BTreeMap<&str, TestSuite> = BTreeMap::new();
     for (subject, status) in lines.chain(added) {

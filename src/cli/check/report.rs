@@ -3,11 +3,12 @@
 use crate::cli::exit::of_conclusion;
 use crate::judge::change::Subject;
 use crate::judge::gate::{Conclusion, Finding, Findings};
-use crate::judge::tolerances::Tolerances;
+use crate::judge::pairing::OtherSettings;
+use crate::judge::tolerances::{Tolerance, Tolerances};
 use crate::metric::MetricSet;
 use crate::report::text::{markdown, one_line};
 use crate::report::{Format, render};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// What the gate finds, and how strict it was.
@@ -60,7 +61,11 @@ impl Report<'_> {
     }
 
     fn drops(&self, format: Format) -> String {
-        let drops: Vec<&Finding> = self.findings.drops.iter().collect();
+        let c = self.findings;
+        // Where every difference fails, what got better does, too.
+        let others = [&c.improved[..], &c.unjudged[..]].concat();
+        let others = if c.exact { &others[..] } else { &[] };
+        let drops: Vec<&Finding> = c.drops.iter().chain(others).collect();
         changes(&drops, "now", format, self.top)
     }
 
@@ -71,9 +76,28 @@ impl Report<'_> {
         for reason in &c.not_comparable {
             text += &format!("not comparable: {}\n", one_line(reason));
         }
-        text += &keys("missing", &c.missing);
+        let (mut before, mut after) = (BTreeSet::new(), BTreeSet::new());
+        let mut differences: BTreeMap<&str, Vec<&OtherSettings>> = BTreeMap::new();
+        for pair in &c.other_settings {
+            before.insert(pair.before.as_str());
+            after.insert(pair.after.as_str());
+            differences.entry(&pair.difference).or_default().push(pair);
+        }
+        for (difference, pairs) in differences {
+            let what = match pairs[..] {
+                [pair] => pair.before.clone(),
+                _ => format!("{} trackers ({}, ...)", pairs.len(), pairs[0].before),
+            };
+            let line = format!("other settings: {what} ran with {difference}; --update-baseline accepts it");
+            text += &format!("{}\n", one_line(&line));
+        }
+        let others = |subjects: &[Subject], named: &BTreeSet<&str>| -> Vec<Subject> {
+            let others = subjects.iter().filter(|s| !named.contains(s.tracker.as_str()));
+            others.cloned().collect()
+        };
+        text += &keys("missing", &others(&c.missing, &before));
         text += &keys("failed", &c.failed);
-        text += &keys("not in the baseline", &c.added);
+        text += &keys("not in the baseline", &others(&c.added, &after));
         for figure in &c.added_figures {
             text += &format!("not in the baseline: {figure}\n");
         }
@@ -85,10 +109,16 @@ impl Report<'_> {
         let c = self.findings;
         let trackers: BTreeSet<&str> = c.drops.iter().map(|d| d.subject.tracker.as_str()).collect();
         let tolerated = self.tolerances.figures().map(|(name, tolerance)| {
-            let unit = self.metrics.figure(name).map_or("", |f| f.unit);
+            let unit = match tolerance {
+                Tolerance::Absolute(_) => self.metrics.figure(name).map_or("", |f| f.unit),
+                Tolerance::Relative(_) => "",
+            };
             format!("{name} {tolerance} {unit}").trim_end().to_owned()
         });
-        let tolerated = tolerated.collect::<Vec<_>>().join(", ");
+        let tolerated = match self.tolerances.exact {
+            true => "exact: no difference passes".to_owned(),
+            false => format!("tolerances: {}", tolerated.collect::<Vec<_>>().join(", ")),
+        };
         let others = match self.tolerances.overrides.len() {
             0 => String::new(),
             n => format!(", {n} override{}", if n == 1 { "" } else { "s" }),
@@ -108,7 +138,7 @@ impl Report<'_> {
             Conclusion::Incomplete => "incomplete",
         };
         format!(
-            "check {word}: {worse}, {} improved, {} unchanged (tolerances: {tolerated}{others})",
+            "check {word}: {worse}, {} improved, {} unchanged ({tolerated}{others})",
             c.improved.len(),
             c.unchanged
         )
@@ -201,6 +231,8 @@ pub fn json(findings: &Findings, tolerances: Option<&Tolerances>) -> String {
         "unchanged": findings.unchanged,
         "failed": findings.failed,
         "missing": findings.missing,
+        "other_settings": findings.other_settings,
+        "exact": findings.exact,
         "added": findings.added,
         "not_comparable": findings.not_comparable,
     });

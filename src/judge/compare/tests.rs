@@ -262,7 +262,7 @@ fn what_does_not_compare_is_refused() {
     assert!(reasons(&other).contains("no sequence in common"));
     other = a.clone();
     for row in &mut other.results.sequences {
-        row.tracker.id += "{max_iters=5}";
+        row.tracker.id = format!("pf{}", row.tracker.id);
     }
     assert!(reasons(&other).contains("--reference"));
 }
@@ -314,6 +314,106 @@ fn trackers_of_one_run_against_one_of_them() {
         .unwrap_err()
         .to_string();
     assert!(unknown.contains("did you mean 'esm/ssd/affine'"), "{unknown}");
+}
+
+#[test]
+fn a_run_of_nothing_but_the_reference_is_compared_with_others() {
+    let all = run("all", |t, s| 1.0 + t as f64 + 0.2 * s as f64);
+    let only = |name: &str, tracker: &str| {
+        let mut run = all.clone();
+        run.name = name.to_owned();
+        run.results.sequences.retain(|r| r.tracker.id == tracker);
+        run
+    };
+    let runs = [
+        only("one", TRACKERS[1]),
+        only("two", TRACKERS[0]),
+        only("three", TRACKERS[2]),
+    ];
+    let of = |references: &[&str], runs: &[FinishedRun]| -> Result<Vec<String>, CompareError> {
+        let references: Vec<String> = references.iter().map(|r| (*r).to_owned()).collect();
+        let found = compare_all(runs, &references, &Options::default())?;
+        let line = |c: &Comparison| {
+            let change = &c.changed[0];
+            format!("{} {} {:?}", c.b, change.tracker_a, change.figures[0].verdict)
+        };
+        Ok(found.iter().map(line).collect())
+    };
+    assert_eq!(
+        of(&[TRACKERS[1]], &runs).unwrap(),
+        [
+            format!("two {} Better", TRACKERS[1]),
+            format!("three {} Worse", TRACKERS[1])
+        ]
+    );
+    // A reference is taken from the run that has it; there may be several.
+    let several = of(&[TRACKERS[1], TRACKERS[0]], &runs).unwrap();
+    assert_eq!(several.len(), 4);
+    assert_eq!(several[2], format!("one {} Worse", TRACKERS[0]));
+    let alone = of(&[TRACKERS[1]], &runs[..1]).unwrap_err().to_string();
+    assert!(
+        alone.contains(&format!("one has no tracker but {}", TRACKERS[1])),
+        "{alone}"
+    );
+    let unknown = of(&["esm/ssd/affin"], &runs).unwrap_err().to_string();
+    assert!(
+        unknown.contains("no tracker 'esm/ssd/affin' in one, two, three"),
+        "{unknown}"
+    );
+}
+
+#[test]
+fn trackers_with_other_settings_are_pairs() {
+    let a = run("a", |t, s| 1.0 + t as f64 + 0.2 * s as f64);
+    let mut b = run("b", |t, s| 2.0 + t as f64 + 0.2 * s as f64);
+    let set = |id: &mut String| {
+        if id.as_str() != TRACKERS[2] {
+            *id += "{max_iters=2}";
+        }
+    };
+    b.results
+        .sequences
+        .iter_mut()
+        .for_each(|r| set(&mut r.tracker.id));
+    b.results.summary.iter_mut().for_each(|r| set(&mut r.tracker.id));
+    let found = against(&a, &b).unwrap();
+    assert_eq!((found.trackers, found.units, found.trackers_changed), (3, 36, 3));
+    assert!(found.only_a.is_empty() && found.only_b.is_empty() && found.warnings.is_empty());
+    assert_eq!(
+        found.settings,
+        ["parameters of esm/ssd/affine, iclk/ssd/affine: max_iters: default -> 2"]
+    );
+    let mut pairs = found.changed.iter().map(|c| (&*c.tracker_a, &*c.tracker));
+    assert!(pairs.any(|pair| pair == ("esm/ssd/affine", "esm/ssd/affine{max_iters=2}")));
+    // Figures are those of the tables.
+    let auc = |run: &FinishedRun, id| run.table(id, "ope", Average::Pooled).unwrap()["auc"];
+    let change = found.changed.iter().find(|c| c.tracker_a == TRACKERS[0]).unwrap();
+    assert_eq!(change.figures[0].a, auc(&a, TRACKERS[0]));
+    assert_eq!(change.figures[0].b, auc(&b, &change.tracker));
+}
+
+#[test]
+fn an_interval_without_zero_beside_no_verdict_has_a_reason() {
+    let a = run("a", |_, s| 2.0 + s as f64);
+    // Better on most sequences: an interval of its own leaves out 0, but q does not reach a strict rate.
+    let b = run("b", |_, s| 2.0 + s as f64 - 0.1 * (s as f64 - 1.0));
+    let options = Options {
+        fdr: 1e-4,
+        ..Options::default()
+    };
+    let found = compare(&a, &b, &options).unwrap();
+    let all = found.changed.iter().flat_map(|c| &c.figures);
+    let mut many = 0;
+    for f in all {
+        let apart = f.interval[0] > 0.0 || f.interval[1] < 0.0;
+        assert_eq!(f.verdict, Verdict::Unclear);
+        let expected = if apart { Doubt::Many } else { Doubt::SpansZero };
+        assert_eq!(f.doubt, Some(expected), "{f:?}");
+        many += usize::from(apart);
+    }
+    assert!(many > 0);
+    let sure = run("b", |_, s| 1.0 + s as f64);
+    assert_eq!(against(&a, &sure).unwrap().changed[0].figures[0].doubt, None);
 }
 
 #[test]
