@@ -168,7 +168,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
             n => format!("up to {n} cores"),
         };
         let note = format!(
-            "frames per second of update time on {cores}, logarithmic; median error; {}",
+            "frames per second of update time on {cores}, logarithmic (median error); {}",
             measured.machine.cpu
         );
         let svg = bars_svg(&groups, "Speed of trackers", &note).map_err(Failure::usage)?;
