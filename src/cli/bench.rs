@@ -9,10 +9,9 @@ use super::signals::stop_on_signals;
 use super::values::{at_least_one, positive};
 use crate::files;
 use crate::measure::bench::{
-    self, BenchReport, BenchRequest, BenchRow, MEASUREMENT_FORMAT_VERSION, Measurement,
+    self, BenchReport, BenchRequest, BenchRow, MEASUREMENT_FORMAT_VERSION, MeasuredSequence, Measurement,
 };
 use crate::measure::machine::Machine;
-use crate::plan::sequence_id;
 use crate::report::{Format, bars_svg, render};
 use crate::run::pool;
 use crate::store::{Durable, write_atomic};
@@ -55,7 +54,16 @@ pub struct BenchArgs {
     /// Seed of all randomness
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Measurement")]
     pub seed: u64,
-    /// Compare with a saved measurement, of this program or another
+    /// Mark trackers with fewer frames per second, input included
+    #[arg(long, value_name = "N", value_parser = positive, help_heading = "Measurement")]
+    pub target_fps: Option<f64>,
+    /// Fail (exit code 10) when an update takes longer on average, in microseconds
+    #[arg(long, value_name = "US", value_parser = positive, help_heading = "Measurement")]
+    pub fail_above: Option<f64>,
+    /// Fail (exit code 10) when there are fewer updates per second
+    #[arg(long, value_name = "FPS", value_parser = positive, help_heading = "Measurement")]
+    pub fail_below: Option<f64>,
+    /// Compare with a saved measurement, of this program on the same data and filter or of another program
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     pub against: Option<PathBuf>,
     /// Save the measurement (JSON)
@@ -88,9 +96,21 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
         seed: args.seed,
         threads: args.threads_per_tracker,
     };
+    let data = request.data();
+    let settings = request.settings();
+    if let (Some(path), Some(other)) = (&args.against, &others) {
+        comparable(path, other, &request, &data, console)?;
+    }
     let machine = Machine::here();
     if machine.build != "release" {
         console.warn("this is a debug build: its times say nothing");
+    }
+    if machine.is_loaded() {
+        console.warn(&format!(
+            "the machine is busy (load {:.1} on {} cores): times are too long; measure again when it is idle",
+            machine.load.unwrap_or_default(),
+            machine.cores
+        ));
     }
     let stop = stop_on_signals()?;
     let pool = pool(request.threads, &|text| console.warn(text))?;
@@ -105,15 +125,18 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
     let BenchReport {
         preparation,
         rows,
+        lead,
         failed,
     } = pool.install(|| bench::run(&request, &stop, &progress))?;
     let measured = Measurement {
         schema_version: MEASUREMENT_FORMAT_VERSION,
         machine,
         command: program.arguments.clone(),
-        sequences: request.sequences.iter().map(sequence_id).collect(),
+        data,
+        settings: Some(settings),
         preparation,
         rows,
+        lead,
         refused: refused.into_iter().map(|r| (r.id, r.reason)).collect(),
         failed,
     };
@@ -126,8 +149,14 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
     }
     let groups = groups(&measured, others.as_ref());
     let text = match args.format {
-        Format::Json => json(&measured, &groups),
-        format => table(&measured, &groups, others.is_some(), format, console),
+        Format::Json => json(&measured, &groups, args.target_fps),
+        format => Shown {
+            measured: &measured,
+            compared: others.is_some(),
+            target: args.target_fps,
+            format,
+        }
+        .table(&groups, console),
     };
     print(&text)?;
     if let Some(path) = &args.save {
@@ -139,7 +168,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
             n => format!("up to {n} cores"),
         };
         let note = format!(
-            "frames per second of update time on {cores}; {}",
+            "frames per second of update time on {cores}, logarithmic (median error); {}",
             measured.machine.cpu
         );
         let svg = bars_svg(&groups, "Speed of trackers", &note).map_err(Failure::usage)?;
@@ -148,11 +177,84 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
     for (tracker, reason) in &measured.failed {
         console.warn(&format!("{tracker} failed: {reason}"));
     }
-    Ok(ExitCode::from(if measured.failed.is_empty() {
-        0
-    } else {
-        exit::FAILED
-    }))
+    let slow = too_slow(&measured, args);
+    for line in &slow {
+        console.error(line);
+    }
+    Ok(ExitCode::from(
+        match (slow.is_empty(), measured.failed.is_empty()) {
+            (false, _) => exit::CHECK_FAILED,
+            (true, false) => exit::FAILED,
+            (true, true) => 0,
+        },
+    ))
+}
+
+/// Refuses a saved measurement of other data, frames or filter; warns where it holds none of the trackers and of other
+/// settings.
+fn comparable(
+    path: &Path,
+    other: &Measurement,
+    request: &BenchRequest,
+    data: &[MeasuredSequence],
+    console: &Console,
+) -> Result<(), Failure> {
+    let file = path.display();
+    if let Some(why) = other.other_than(data, &request.pre.id()) {
+        let mut failure = Failure::new(
+            exit::NOT_COMPARABLE,
+            format!("{file} is no measurement of the same: {why}; measure the same, or leave out --against"),
+        );
+        if !other.command.is_empty() {
+            failure
+                .details
+                .push(format!("it was made by: mtf-eval {}", other.command.join(" ")));
+        }
+        return Err(failure);
+    }
+    let known = |id: &str| other.rows.iter().any(|r| r.tracker == id);
+    if !request.trackers.iter().any(|t| known(&t.name.id)) {
+        console.warn(&format!(
+            "{file} has no row of the trackers measured here; name them as its rows do, settings included"
+        ));
+    }
+    if let Some(theirs) = &other.settings {
+        let ours = request.settings();
+        let settings = [
+            (
+                "--threads-per-tracker",
+                theirs.threads_per_tracker as u64,
+                ours.threads_per_tracker as u64,
+            ),
+            ("--seed", theirs.seed, ours.seed),
+            ("--repeats", theirs.repeats as u64, ours.repeats as u64),
+        ];
+        for (name, theirs, ours) in settings.iter().filter(|(_, theirs, ours)| theirs != ours) {
+            console.warn(&format!(
+                "{file} was measured with {name} {theirs}, this with {ours}"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// What breaks `--fail-above` and `--fail-below`, a line each.
+fn too_slow(measured: &Measurement, args: &BenchArgs) -> Vec<String> {
+    let mut lines = Vec::new();
+    for row in &measured.rows {
+        let (id, us, fps) = (&row.tracker, row.us_per_frame, row.fps);
+        if let Some(most) = args.fail_above.filter(|most| us > *most) {
+            lines.push(format!(
+                "{id}: {us:.1} us per update, more than --fail-above {most}"
+            ));
+        }
+        if let Some(least) = args.fail_below.filter(|least| fps < *least) {
+            lines.push(format!(
+                "{id}: {fps:.0} updates per second, fewer than --fail-below {least}"
+            ));
+        }
+    }
+    lines
 }
 
 /// Reads a saved measurement.
@@ -188,7 +290,20 @@ fn groups<'a>(measured: &'a Measurement, others: Option<&'a Measurement>) -> Vec
     measured.rows.iter().map(|ours| like(ours).collect()).collect()
 }
 
-fn json(measured: &Measurement, groups: &[Vec<&BenchRow>]) -> String {
+/// Whether a row reaches `target` frames per second with input; `None` where that is not known.
+fn reaches(row: &BenchRow, target: f64) -> Option<bool> {
+    row.fps_with_input.map(|fps| fps >= target)
+}
+
+/// Ids of the trackers that do not reach the target.
+fn below(measured: &Measurement, target: f64) -> Vec<&str> {
+    let rows = measured.rows.iter();
+    rows.filter(|row| reaches(row, target) == Some(false))
+        .map(|row| row.tracker.as_str())
+        .collect()
+}
+
+fn json(measured: &Measurement, groups: &[Vec<&BenchRow>], target: Option<f64>) -> String {
     let mut value = serde_json::to_value(measured).unwrap_or_default();
     let compared: Vec<serde_json::Value> = groups
         .iter()
@@ -205,96 +320,201 @@ fn json(measured: &Measurement, groups: &[Vec<&BenchRow>]) -> String {
     if !compared.is_empty() {
         value["against"] = compared.into();
     }
+    if let Some(target) = target {
+        value["target_fps"] = target.into();
+        value["below_target"] = below(measured, target).into();
+    }
     pretty(&value)
 }
 
-fn table(
-    measured: &Measurement,
-    groups: &[Vec<&BenchRow>],
+/// What a table is made of.
+struct Shown<'a> {
+    measured: &'a Measurement,
+    /// Whether rows of another measurement stand below ours.
     compared: bool,
+    target: Option<f64>,
     format: Format,
-    console: &Console,
-) -> String {
-    let mut header = vec![
-        "tracker",
-        "us/iteration",
-        "iterations",
-        "us/frame",
-        "median",
-        "p95",
-        "fps",
-        "SR@5",
-        "AL median",
-        "frames",
-    ];
-    if compared {
-        header.insert(1, "program");
-        header.extend(["times, frame", "times, iteration"]);
+}
+
+impl Shown<'_> {
+    fn table(&self, groups: &[Vec<&BenchRow>], console: &Console) -> String {
+        let mut header: Vec<String> = [
+            "tracker",
+            "us/iteration",
+            "iterations",
+            "us/frame",
+            "median",
+            "p95",
+            "fps",
+            "fps with input",
+            "SR@5",
+            "AL median",
+            "frames",
+        ]
+        .map(str::to_owned)
+        .into();
+        if self.compared {
+            header.insert(1, "program".to_owned());
+            header.extend(["times, frame", "times, iteration"].map(str::to_owned));
+        }
+        if let Some(target) = self.target {
+            header.push(format!("{target} fps"));
+        }
+        let rows: Vec<Vec<String>> = groups
+            .iter()
+            .flat_map(|group| group.iter().map(|row| self.cells(group[0], row)))
+            .collect();
+        let header: Vec<&str> = header.iter().map(String::as_str).collect();
+        let text = render(&header, &rows, self.format, console.table_colour);
+        match self.format {
+            Format::Csv => text,
+            _ => text + &self.notes(groups),
+        }
     }
-    let number = |v: Option<f64>, decimals: usize| match v {
-        Some(v) => format!("{v:.decimals$}"),
-        // A machine reads an empty cell as no number.
-        None if format == Format::Csv => String::new(),
-        None => "-".to_owned(),
-    };
-    let cells = |ours: &BenchRow, row: &BenchRow| {
+
+    /// A number; a machine reads an empty cell as none.
+    fn number(&self, value: Option<f64>, decimals: usize) -> String {
+        match value {
+            Some(v) => format!("{v:.decimals$}"),
+            None if self.format == Format::Csv => String::new(),
+            None => "-".to_owned(),
+        }
+    }
+
+    fn cells(&self, ours: &BenchRow, row: &BenchRow) -> Vec<String> {
         let mut cells = vec![
             row.tracker.clone(),
-            number(row.us_per_iteration, 2),
-            number(row.iterations, 2),
+            self.number(row.us_per_iteration, 2),
+            self.number(row.iterations, 2),
             format!("{:.1}", row.us_per_frame),
             format!("{:.1}", row.us_median),
             format!("{:.1}", row.us_p95),
             format!("{:.0}", row.fps),
-            number(row.sr_5, 3),
-            number(row.al_median, 3),
+            self.number(row.fps_with_input, 0),
+            self.number(row.sr_5, 3),
+            self.number(row.al_median, 3),
             row.frames.to_string(),
         ];
-        if compared {
+        if self.compared {
             cells.insert(1, row.program.clone());
             let (frame, iteration) = row.times(ours);
             let own = std::ptr::eq(ours, row);
-            cells.push(number((!own).then_some(frame), 1));
-            cells.push(number(iteration.filter(|_| !own), 1));
+            cells.push(self.number((!own).then_some(frame), 1));
+            cells.push(self.number(iteration.filter(|_| !own), 1));
+        }
+        if let Some(target) = self.target {
+            cells.push(match reaches(row, target) {
+                Some(true) => "yes".to_owned(),
+                Some(false) => "no".to_owned(),
+                None => self.number(None, 0),
+            });
         }
         cells
-    };
-    let rows: Vec<Vec<String>> = groups
-        .iter()
-        .flat_map(|group| group.iter().map(|row| cells(group[0], row)))
-        .collect();
-    let mut text = render(&header, &rows, format, console.table_colour);
-    if format == Format::Csv {
-        return text;
     }
-    let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    for (id, reason) in &measured.refused {
-        reasons.entry(reason).or_default().push(id);
-    }
-    if !reasons.is_empty() {
-        text.push('\n');
-    }
-    for (reason, ids) in reasons {
-        text += &format!("refused: {}: {reason}\n", ids.join(", "));
-    }
-    let lost: Vec<&str> = measured
-        .rows
-        .iter()
-        .filter(|r| r.sr_5.is_some_and(|sr| sr < 0.5))
-        .map(|r| r.tracker.as_str())
-        .collect();
-    if !lost.is_empty() {
+
+    /// What stands below the table.
+    fn notes(&self, groups: &[Vec<&BenchRow>]) -> String {
+        let measured = self.measured;
+        let mut text = String::new();
+        let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+        for (id, reason) in &measured.refused {
+            reasons.entry(reason).or_default().push(id);
+        }
+        if !reasons.is_empty() {
+            text.push('\n');
+        }
+        for (reason, ids) in reasons {
+            text += &format!("refused: {}: {reason}\n", ids.join(", "));
+        }
+        let lost: Vec<&str> = measured
+            .rows
+            .iter()
+            .filter(|r| r.sr_5.is_some_and(|sr| sr < 0.5))
+            .map(|r| r.tracker.as_str())
+            .collect();
+        if !lost.is_empty() {
+            text += &format!(
+                "\nlost the object in more than half of the frames: {}\n",
+                lost.join(", ")
+            );
+        }
+        text += &frame_counts(groups);
+        if let Some(target) = self.target {
+            let below = below(measured, target);
+            if !below.is_empty() {
+                text += &format!(
+                    "\nfewer than {target} frames per second with input: {}\n",
+                    below.join(", ")
+                );
+            }
+        }
+        let made = &measured.preparation;
         text += &format!(
-            "\nlost the object in more than half of the frames: {}\n",
-            lost.join(", ")
+            "\nbefore the updates, a frame: decoding {:.0} us, filter {} {:.0} us, pyramid {:.0} us\n{}\n",
+            made.us_decode,
+            made.filter,
+            made.us_filter,
+            made.us_pyramid,
+            measured.machine.line()
         );
+        if let Some(lead) = &measured.lead {
+            let [low, high] = lead.interval;
+            text += &format!(
+                "\n{} is {:.2} times (95 % interval {low:.2} to {high:.2}) faster than {}\n",
+                lead.fastest, lead.times, lead.next
+            );
+        }
+        text
     }
-    let made = &measured.preparation;
-    format!(
-        "{text}\nbefore the updates, a frame: filter {} {:.0} us, pyramid {:.0} us\n{}\n",
-        made.filter,
-        made.us_filter,
-        made.us_pyramid,
-        measured.machine.line()
-    )
+}
+
+/// Why rows differ in their number of frames; nothing where they do not.
+fn frame_counts(groups: &[Vec<&BenchRow>]) -> String {
+    let mut rows = groups.iter().flatten();
+    let first = rows.next().map(|r| r.frames);
+    if rows.all(|r| Some(r.frames) == first) {
+        return String::new();
+    }
+    let name = |ours: &BenchRow, row: &BenchRow| match std::ptr::eq(ours, row) {
+        true => row.tracker.clone(),
+        false => format!("{} ({})", row.tracker, row.program),
+    };
+    let lost: Vec<String> = groups
+        .iter()
+        .flat_map(|group| group.iter().map(|row| (group[0], *row)))
+        .filter(|(_, row)| row.lost > 0)
+        .map(|(ours, row)| format!("{} {} of {}", name(ours, row), row.lost, row.lost + row.frames))
+        .collect();
+    let why = match lost.is_empty() {
+        true => "other programs count the frames that they say".to_owned(),
+        false => format!("updates without a result have no time: {}", lost.join(", ")),
+    };
+    format!("\nthe numbers of frames differ: {why}\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_frames_are_explained() {
+        let row = |tracker: &str, frames: usize, lost: usize| BenchRow {
+            tracker: tracker.to_owned(),
+            program: "Other 1.0".to_owned(),
+            frames,
+            lost,
+            ..BenchRow::default()
+        };
+        let (all, some, theirs) = (row("a", 9, 0), row("b", 7, 2), row("a", 8, 0));
+        assert_eq!(frame_counts(&[vec![&all]]), "");
+        assert_eq!(
+            frame_counts(&[vec![&all], vec![&some]]),
+            "\nthe numbers of frames differ: updates without a result have no time: b 2 of 9\n"
+        );
+        let text = frame_counts(&[vec![&all, &theirs]]);
+        assert!(text.contains("other programs count"), "{text}");
+        let lost = row("a", 5, 4);
+        let text = frame_counts(&[vec![&all, &lost]]);
+        assert!(text.contains("a (Other 1.0) 4 of 9"), "{text}");
+    }
 }

@@ -33,7 +33,7 @@ const DOCUMENTED: [(u8, &str); 8] = [
     (0, "success"),
     (USAGE, "usage or bad input"),
     (NOTHING, "filters selected nothing"),
-    (CHECK_FAILED, "check or diagnose failed"),
+    (CHECK_FAILED, "check, diagnose or a limit of bench failed"),
     (NOT_COMPARABLE, "not comparable"),
     (FAILED, "some runs failed (the others are complete)"),
     (INCOMPLETE, "incomplete"),

@@ -73,7 +73,7 @@ pub fn run(args: &RunArgs, program: &Program) -> Outcome {
 /// # Errors
 /// Stdout cannot be written to.
 pub fn show(report: &RunReport, options: &TableOptions, console: &Console) -> Outcome {
-    print(&table(&report.results, options))?;
+    print(&table(&report.results, &report.speeds, options))?;
     print_data_line(report.data.line().as_deref(), options.format, console)?;
     for (unit, reason) in report.failed.iter().take(FAILURES_SHOWN) {
         console.warn(&format!("{unit}: {reason}"));

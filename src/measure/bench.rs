@@ -6,8 +6,12 @@
 //! least of its times is what the machine can do undisturbed. All figures are of these least times: their sum over all
 //! frames (per frame, per iteration), their median and 95th percentile. Image pyramids are made once per frame and count
 //! as filtering.
+//!
+//! What a loop around a camera would see takes the time of input along: decoding, filtering, and halving for trackers that
+//! read the pyramid, each with its median over all frames.
 
 use crate::dataset::{DatasetError, Sequence};
+use crate::measure::lead::{Passes, ratio};
 use crate::measure::machine::Machine;
 use crate::metric::{Errors, MetricSet, Sample, quantile};
 use crate::panics;
@@ -18,6 +22,8 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+
+pub use crate::measure::lead::Lead;
 
 /// Version of the file a measurement is saved in.
 pub const MEASUREMENT_FORMAT_VERSION: u32 = 1;
@@ -51,6 +57,8 @@ pub struct BenchRow {
     pub program: String,
     /// Updates timed.
     pub frames: usize,
+    /// Updates that gave no corners. They have no time: giving up is no speed.
+    pub lost: usize,
     /// Iterations per frame; none for trackers that do not iterate or do not say.
     pub iterations: Option<f64>,
     /// µs per iteration.
@@ -63,6 +71,9 @@ pub struct BenchRow {
     pub us_p95: f64,
     /// Frames per second of update time: `1e6 / us_per_frame`.
     pub fps: f64,
+    /// Frames per second with input: `1e6 / (us_per_frame + us_input)`, where the input of a frame is decoding, the filter
+    /// and, for trackers that read it, the pyramid ([`Preparation::us_input`]). None for other programs that do not say.
+    pub fps_with_input: Option<f64>,
     /// Fraction of the frames within 5 px of the truth: the speed of a tracker that has lost its object says little.
     pub sr_5: Option<f64>,
     /// Median alignment error over the frames, px: the accuracy that the time was spent on.
@@ -73,15 +84,72 @@ pub struct BenchRow {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Preparation {
-    /// The filter, as `--filter` reads it.
+    /// The filter, as `--pre` reads it.
     pub filter: String,
+    /// µs to read and decode a frame.
+    pub us_decode: f64,
     /// µs to make gray floats of the decoded bytes and filter them.
     pub us_filter: f64,
+    /// µs to do so in three channels; 0 where no tracker reads colour.
+    pub us_colour: f64,
     /// µs to halve the filtered image until it is small, for trackers that search pyramids.
     pub us_pyramid: f64,
 }
 
+impl Preparation {
+    /// µs of input of a frame for a tracker that reads `channels` and, perhaps, the `pyramid`.
+    pub fn us_input(&self, channels: usize, pyramid: bool) -> f64 {
+        let filter = if channels == 1 {
+            self.us_filter
+        } else {
+            self.us_colour
+        };
+        self.us_decode + filter + if pyramid { self.us_pyramid } else { 0.0 }
+    }
+}
+
+/// A sequence as it was measured on.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MeasuredSequence {
+    /// `dataset/sequence`.
+    pub sequence: String,
+    /// Frames from the first on that was read.
+    pub frames: usize,
+    /// Identity of those frames and their ground truth ([`Sequence::fingerprint`]).
+    pub fingerprint: String,
+}
+
+/// Settings that times depend on and that ids of trackers do not hold.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BenchSettings {
+    /// [`BenchRequest::repeats`].
+    pub repeats: usize,
+    /// [`BenchRequest::threads`].
+    pub threads_per_tracker: usize,
+    /// [`BenchRequest::seed`].
+    pub seed: u64,
+}
+
 impl BenchRequest {
+    /// The data, as a measurement keeps it. Reads the files of all frames.
+    pub fn data(&self) -> Vec<MeasuredSequence> {
+        let measured = |s: &Sequence| MeasuredSequence {
+            sequence: sequence_id(s),
+            frames: s.len(),
+            fingerprint: s.fingerprint(),
+        };
+        self.sequences.iter().map(measured).collect()
+    }
+
+    /// The settings, as a measurement keeps them.
+    pub fn settings(&self) -> BenchSettings {
+        BenchSettings {
+            repeats: self.repeats,
+            threads_per_tracker: self.threads,
+            seed: self.seed,
+        }
+    }
+
     /// `trackers` over `sequences` with the program's defaults: the usual filter, 5 passes within 5 s per tracker and
     /// sequence, seed 0, one thread.
     pub fn new(trackers: Vec<TrackerEntry>, sequences: Vec<Sequence>) -> BenchRequest {
@@ -117,15 +185,19 @@ pub enum BenchError {
 pub struct BenchReport {
     /// What each frame cost before its updates.
     pub preparation: Preparation,
-    /// A row per tracker, in their order.
+    /// A row per tracker, fastest first.
     pub rows: Vec<BenchRow>,
+    /// The first row beside the second; `None` with fewer, or where no frame has a time of both.
+    pub lead: Option<Lead>,
     /// Trackers without figures, and why.
     pub failed: Vec<(String, String)>,
 }
 
 impl BenchRow {
-    /// Times of frames that took `seconds` each and `iterations` together.
+    /// Times of frames that took `seconds` each, NaN for lost ones, and `iterations` together.
     fn new(tracker: &str, mut seconds: Vec<f64>, iterations: u64) -> BenchRow {
+        let all = seconds.len();
+        seconds.retain(|s| !s.is_nan());
         let frames = seconds.len();
         seconds.sort_by(f64::total_cmp);
         let quantile = |q: f64| quantile::nearest(&seconds, q).map_or(f64::NAN, |s| 1e6 * s);
@@ -136,6 +208,7 @@ impl BenchRow {
             tracker: tracker.to_owned(),
             program: format!("{} {}", env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION")),
             frames,
+            lost: all - frames,
             iterations: (iterations > 0).then(|| iterations as f64 / frames as f64),
             us_per_iteration: per(iterations),
             us_per_frame,
@@ -167,14 +240,20 @@ pub struct Measurement {
     /// How it was made.
     #[serde(default)]
     pub command: Vec<String>,
-    /// Sequences, `dataset/sequence`.
+    /// The data; empty in measurements of other programs, which say nothing of it.
     #[serde(default)]
-    pub sequences: Vec<String>,
+    pub data: Vec<MeasuredSequence>,
+    /// The settings, where they are known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub settings: Option<BenchSettings>,
     /// What each frame cost before its updates.
     #[serde(default)]
     pub preparation: Preparation,
     /// A row per tracker.
     pub rows: Vec<BenchRow>,
+    /// The fastest beside the next.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lead: Option<Lead>,
     /// Combinations that cannot work, and why.
     #[serde(default)]
     pub refused: Vec<(String, String)>,
@@ -183,9 +262,50 @@ pub struct Measurement {
     pub failed: Vec<(String, String)>,
 }
 
+impl Measurement {
+    /// Why times of this measurement do not compare with those of `data` after `filter`: other sequences, frames or filter.
+    /// `None` where they do, or where it does not say what it is of.
+    pub fn other_than(&self, data: &[MeasuredSequence], filter: &str) -> Option<String> {
+        if !self.preparation.filter.is_empty() && self.preparation.filter != filter {
+            let theirs = &self.preparation.filter;
+            return Some(format!("filter {theirs} there, {filter} here (--pre)"));
+        }
+        if self.data.is_empty() {
+            return None;
+        }
+        for ours in data {
+            let id = &ours.sequence;
+            let Some(theirs) = self.data.iter().find(|s| s.sequence == *id) else {
+                return Some(format!("{id} is not in it"));
+            };
+            if theirs.frames != ours.frames {
+                let frames = [theirs.frames, ours.frames];
+                return Some(format!(
+                    "{id} has {} frames there, {} here (--start, --frame-gap, --max-frames)",
+                    frames[0], frames[1]
+                ));
+            }
+            if theirs.fingerprint != ours.fingerprint {
+                return Some(format!("{id} has other frames or ground truth there"));
+            }
+        }
+        let more = self
+            .data
+            .iter()
+            .find(|s| data.iter().all(|ours| ours.sequence != s.sequence));
+        more.map(|s| format!("{} is not measured here", s.sequence))
+    }
+}
+
 /// What the measurement of one tracker adds up to, over sequences.
 struct Sum {
+    /// Least time of each frame, NaN for those that were lost.
     seconds: Vec<f64>,
+    /// The times of all passes, per sequence.
+    passes: Vec<Passes>,
+    /// Whether the tracker read a pyramid.
+    pyramid: bool,
+    channels: usize,
     iterations: u64,
     errors: Errors,
     failed: Option<String>,
@@ -193,7 +313,11 @@ struct Sum {
 
 /// One pass over a sequence.
 struct Pass {
+    /// NaN for frames that were lost.
     seconds: Vec<f64>,
+    /// Of the first update of a pass to warm up.
+    pyramid: bool,
+    channels: usize,
     iterations: u64,
     errors: Errors,
 }
@@ -210,6 +334,9 @@ pub fn run(
     let metrics = MetricSet::builtin();
     let nothing = || Sum {
         seconds: Vec::new(),
+        passes: Vec::new(),
+        pyramid: false,
+        channels: 1,
         iterations: 0,
         errors: Errors::new(&metrics),
         failed: None,
@@ -225,6 +352,7 @@ pub fn run(
         let frames = load(request, sequence, start, &mut prepared)?;
         let mut best: Vec<Option<Pass>> = request.trackers.iter().map(|_| None).collect();
         let mut spent = vec![Duration::ZERO; best.len()];
+        let mut passes_of: Vec<Passes> = vec![Passes::new(); best.len()];
         // Pass by pass rather than tracker by tracker: what disturbs the machine for a while spoils one pass of many
         // trackers, not all of one.
         for pass in 0..=request.repeats {
@@ -237,17 +365,25 @@ pub fn run(
                     continue;
                 }
                 let begin = Instant::now();
-                let made = panics::catch(|| track(entry, sequence, start, &frames, request));
+                let made = panics::catch(|| track(entry, sequence, start, &frames, request, pass == 0));
                 spent[i] += begin.elapsed();
                 match made.and_then(|made| made) {
-                    Ok(new) => best[i] = Some(least(best[i].take().filter(|_| pass > 1), new)),
+                    Ok(new) if pass == 0 => {
+                        sums[i].pyramid |= new.pyramid;
+                        sums[i].channels = new.channels;
+                    }
+                    Ok(new) => {
+                        passes_of[i].push(new.seconds.iter().map(|&s| s as f32).collect());
+                        best[i] = Some(least(best[i].take(), new));
+                    }
                     Err(reason) => sums[i].failed = Some(format!("{}: {reason}", sequence_id(sequence))),
                 }
                 progress(done / passes);
             }
         }
-        for (sum, pass) in sums.iter_mut().zip(best) {
+        for ((sum, pass), passes) in sums.iter_mut().zip(best).zip(passes_of) {
             let Some(pass) = pass else { continue };
+            sum.passes.push(passes);
             sum.seconds.extend(pass.seconds);
             sum.iterations += pass.iterations;
             sum.errors.extend(&pass.errors);
@@ -257,31 +393,48 @@ pub fn run(
         preparation: prepared.summary(request.pre.id()),
         ..BenchReport::default()
     };
+    let mut measured: Vec<(BenchRow, Vec<Passes>)> = Vec::new();
     for (entry, sum) in request.trackers.iter().zip(sums) {
         let id = &entry.name.id;
         match sum.failed {
             Some(reason) => report.failed.push((id.clone(), reason)),
-            None if sum.seconds.is_empty() => report
+            None if sum.seconds.iter().all(|s| s.is_nan()) => report
                 .failed
                 .push((id.clone(), "no frame could be tracked".to_owned())),
             None => {
                 let score = Sample::new(&metrics, [&sum.errors]).score();
                 let figure = |name| Some(score[name]).filter(|v| v.is_finite());
-                report.rows.push(BenchRow {
+                let row = BenchRow::new(id, sum.seconds, sum.iterations);
+                let input = report.preparation.us_input(sum.channels, sum.pyramid);
+                let row = BenchRow {
+                    fps_with_input: Some(1e6 / (row.us_per_frame + input)),
                     sr_5: figure("sr_5"),
                     al_median: figure("al_median"),
-                    ..BenchRow::new(id, sum.seconds, sum.iterations)
-                });
+                    ..row
+                };
+                measured.push((row, sum.passes));
             }
         }
     }
+    measured.sort_by(|(a, _), (b, _)| b.fps.total_cmp(&a.fps).then_with(|| a.tracker.cmp(&b.tracker)));
+    if let [(fastest, fast), (next, slow), ..] = &measured[..] {
+        report.lead = ratio(fast, slow).map(|(times, interval)| Lead {
+            fastest: fastest.tracker.clone(),
+            next: next.tracker.clone(),
+            times,
+            interval,
+        });
+    }
+    report.rows = measured.into_iter().map(|(row, _)| row).collect();
     Ok(report)
 }
 
 /// Seconds of the preparation of each frame.
 #[derive(Default)]
 struct Prepared {
+    decode: Vec<f64>,
     filter: Vec<f64>,
+    colour: Vec<f64>,
     pyramid: Vec<f64>,
 }
 
@@ -293,6 +446,8 @@ impl Prepared {
         };
         Preparation {
             filter,
+            us_decode: median(&mut self.decode),
+            us_colour: median(&mut self.colour),
             us_filter: median(&mut self.filter),
             us_pyramid: median(&mut self.pyramid),
         }
@@ -312,7 +467,9 @@ fn load(
     });
     (start..sequence.len())
         .map(|i| {
+            let begin = Instant::now();
             let decoded = sequence.read(i, colour)?;
+            prepared.decode.push(begin.elapsed().as_secs_f64());
             let frame = Frame::new(decoded, Arc::clone(&request.pre));
             let begin = Instant::now();
             frame.gray();
@@ -321,19 +478,23 @@ fn load(
             frame.level(frame.levels() - 1, 1);
             prepared.pyramid.push(begin.elapsed().as_secs_f64());
             if colour {
+                let begin = Instant::now();
                 frame.colour();
+                prepared.colour.push(begin.elapsed().as_secs_f64());
             }
             Ok(frame)
         })
         .collect()
 }
 
+/// A pass. One to warm up finds out from its first update whether the tracker reads pyramids.
 fn track(
     entry: &TrackerEntry,
     sequence: &Sequence,
     start: usize,
     frames: &[Frame],
     request: &BenchRequest,
+    warm_up: bool,
 ) -> Result<Pass, String> {
     let mut tracker: Box<dyn Tracker> = (entry.make)()?;
     tracker.reseed(request.seed);
@@ -345,22 +506,36 @@ fn track(
         .map_err(|e| format!("cannot start: {e}"))?;
     let mut pass = Pass {
         seconds: Vec::with_capacity(frames.len()),
+        pyramid: false,
+        channels: tracker.channels(),
         iterations: 0,
         errors: Errors::new(&MetricSet::builtin()),
     };
+    let fresh = match frames.get(1) {
+        Some(frame) if warm_up => Some(Frame::new(frame.decoded().clone(), Arc::clone(&request.pre))),
+        _ => None,
+    };
     for (i, frame) in (start + 1..).zip(&frames[1..]) {
+        let fresh = fresh.as_ref().filter(|_| i == start + 1);
+        let frame = fresh.unwrap_or(frame);
         let truth = sequence.truth(i);
         if let (Some(truth), Some(analysis)) = (&truth, tracker.needs_truth()) {
             analysis.tell_truth(truth);
         }
-        touch(frame, tracker.channels());
+        if fresh.is_none() {
+            touch(frame, tracker.channels());
+        }
         let begin = Instant::now();
         let update = tracker.update(frame);
         let seconds = begin.elapsed().as_secs_f64();
+        pass.pyramid |= fresh.is_some_and(Frame::is_halved);
         // A frame that could not be tracked is a failure, not a fast frame.
-        if let Ok(update) = &update {
-            pass.seconds.push(seconds);
-            pass.iterations += u64::from(update.iterations);
+        match &update {
+            Ok(update) => {
+                pass.seconds.push(seconds);
+                pass.iterations += u64::from(update.iterations);
+            }
+            Err(_) => pass.seconds.push(f64::NAN),
         }
         if let Some(truth) = truth {
             pass.errors.push(update.ok().map(|u| u.corners).as_ref(), &truth);
@@ -419,9 +594,52 @@ mod tests {
     }
 
     #[test]
+    fn lost_frames_have_no_time() {
+        let row = BenchRow::new("t", vec![2e-6, f64::NAN, 4e-6], 2);
+        assert_eq!((row.frames, row.lost), (2, 1));
+        assert!((row.us_per_frame - 3.0).abs() < 1e-9 && row.us_p95.is_finite());
+    }
+
+    #[test]
+    fn input_is_what_the_tracker_reads() {
+        let made = Preparation {
+            us_decode: 1000.0,
+            us_filter: 100.0,
+            us_colour: 300.0,
+            us_pyramid: 20.0,
+            ..Preparation::default()
+        };
+        let inputs = [(1, false), (1, true), (3, false)].map(|(c, p)| made.us_input(c, p));
+        assert_eq!(inputs, [1100.0, 1120.0, 1300.0]);
+    }
+
+    #[test]
+    fn other_data_frames_and_filters_do_not_compare() {
+        let sequence = |id: &str, frames: usize, fingerprint: &str| MeasuredSequence {
+            sequence: id.to_owned(),
+            frames,
+            fingerprint: fingerprint.to_owned(),
+        };
+        let mut saved = Measurement::default();
+        let data = vec![sequence("d/a", 9, "1"), sequence("d/b", 5, "2")];
+        assert_eq!(saved.other_than(&data, "none"), None);
+        saved.data = data.clone();
+        saved.preparation.filter = "none".to_owned();
+        assert_eq!(saved.other_than(&data, "none"), None);
+        let why = |data: &[MeasuredSequence], filter: &str| saved.other_than(data, filter).unwrap();
+        assert!(why(&data, "gaussian:5:3").contains("filter none there, gaussian:5:3 here"));
+        assert!(why(&data[..1], "none").contains("d/b is not measured here"));
+        assert!(why(&[sequence("d/c", 5, "2")], "none").contains("d/c is not in it"));
+        assert!(why(&[sequence("d/a", 7, "1")], "none").contains("9 frames there, 7 here"));
+        assert!(why(&[sequence("d/a", 9, "3")], "none").contains("other frames or ground truth"));
+    }
+
+    #[test]
     fn passes_keep_the_least_of_each_frame() {
         let pass = |seconds: &[f64]| Pass {
             seconds: seconds.to_vec(),
+            pyramid: false,
+            channels: 1,
             iterations: 3,
             errors: Errors::new(&MetricSet::builtin()),
         };
@@ -456,13 +674,25 @@ mod tests {
             seed: 0,
             threads: 1,
         };
-        let BenchReport { rows, failed, .. } = run(&request, &AtomicBool::new(false), &|_| {}).unwrap();
+        let BenchReport {
+            preparation,
+            rows,
+            lead,
+            failed,
+        } = run(&request, &AtomicBool::new(false), &|_| {}).unwrap();
         assert_eq!((rows.len(), failed.len()), (2, 1));
-        assert_eq!(
-            (rows[0].tracker.as_str(), rows[0].frames),
-            ("esm/ssd/homography", 10)
-        );
-        assert!(rows[0].iterations.unwrap() >= 1.0 && rows[0].us_per_frame > 0.0);
+        assert!(rows[0].fps >= rows[1].fps, "{rows:?}");
+        let lead = lead.unwrap();
+        assert_eq!((&lead.fastest, &lead.next), (&rows[0].tracker, &rows[1].tracker));
+        assert!(lead.times >= 1.0 && lead.interval[0] <= lead.times && lead.times <= lead.interval[1]);
+        let esm = rows.iter().find(|r| r.tracker == "esm/ssd/homography").unwrap();
+        assert_eq!((esm.frames, esm.lost), (10, 0));
+        assert!(esm.iterations.unwrap() >= 1.0 && esm.us_per_frame > 0.0);
+        // No pyramid is read.
+        let input = preparation.us_decode + preparation.us_filter;
+        let with_input = 1e6 / (esm.us_per_frame + input);
+        assert!((esm.fps_with_input.unwrap() / with_input - 1.0).abs() < 1e-9);
+        assert!(preparation.us_decode > 0.0 && with_input < esm.fps);
         assert!(failed[0].1.contains("out of order"));
         let stopped = run(&request, &AtomicBool::new(true), &|_| {});
         assert!(matches!(stopped, Err(BenchError::Stopped)));

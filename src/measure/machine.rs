@@ -55,6 +55,11 @@ impl Machine {
         }
     }
 
+    /// Whether other work is likely to disturb a measurement: more processes wanted to run than half of the processors.
+    pub fn is_loaded(&self) -> bool {
+        self.load.is_some_and(|load| load > self.cores as f64 / 2.0)
+    }
+
     /// One line for people.
     pub fn line(&self) -> String {
         let load = self.load.map_or(String::new(), |l| format!(", load {l:.1}"));
@@ -100,4 +105,20 @@ fn os_name() -> String {
 fn load() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/loadavg").ok()?;
     text.split(' ').next()?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_machine_is_loaded_from_half_of_its_processors_on() {
+        let machine = |load| Machine {
+            cores: 4,
+            load,
+            ..Machine::default()
+        };
+        assert!(machine(Some(2.1)).is_loaded());
+        assert!(!machine(Some(1.9)).is_loaded() && !machine(None).is_loaded());
+    }
 }

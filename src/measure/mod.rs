@@ -2,4 +2,5 @@
 
 pub mod basin;
 pub mod bench;
+mod lead;
 pub mod machine;

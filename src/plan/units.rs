@@ -401,6 +401,7 @@ mod tests {
             pre: "none".into(),
             frame_logs: FrameLogs::Csv,
             metrics: Vec::new(),
+            data: DataNotes::default(),
             about: Map::new(),
             trackers: ["a", "b"].map(tracker).to_vec(),
             sequences: [["d", "s"], ["d", "t"], ["e", "s"]].map(sequence).to_vec(),

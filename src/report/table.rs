@@ -7,6 +7,7 @@ use crate::metric::aggregate::{Results, SummaryRow};
 use crate::store::summary;
 use comfy_table::{CellAlignment, Table as Grid, presets};
 use mtf::registry::{hint, suggest};
+use std::collections::BTreeMap;
 
 /// Form of what is printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -46,9 +47,12 @@ impl Default for TableOptions {
     }
 }
 
-/// What [`TableOptions::sort`] accepts: the tracker's id or any figure.
+/// The sort key of frames per second.
+const FPS: &str = "fps";
+
+/// What [`TableOptions::sort`] accepts: the tracker's id, its speed or any figure.
 pub fn sort_keys(metrics: &MetricSet) -> impl Iterator<Item = &str> {
-    ["tracker"]
+    ["tracker", FPS]
         .into_iter()
         .chain(metrics.figures().iter().map(|f| f.name.as_str()))
 }
@@ -69,20 +73,25 @@ pub fn parse_sort(metrics: &MetricSet, key: &str) -> Result<String, String> {
     ))
 }
 
-/// Pooled rows, best first by `key`; ties by id.
-fn ranked<'a>(results: &'a Results, key: &str) -> Vec<&'a SummaryRow> {
+/// Pooled rows, best first by `key`; ties by id. Trackers that are not in `speeds` are the slowest.
+fn ranked<'a>(results: &'a Results, speeds: &BTreeMap<String, f64>, key: &str) -> Vec<&'a SummaryRow> {
     let mut rows = results.ranking();
     match results.metrics.figure(key) {
         _ if key == "tracker" => rows.sort_by(|a, b| a.tracker.cmp(&b.tracker)),
+        _ if key == FPS => {
+            let speed = |r: &SummaryRow| speeds.get(&r.tracker.id).copied().unwrap_or(0.0);
+            rows.sort_by(|a, b| speed(b).total_cmp(&speed(a)));
+        }
         Some(figure) => rows.sort_by(|a, b| figure.better.order(a.score[key], b.score[key])),
         None => {}
     }
     rows
 }
 
-/// What `run` prints on standard output, ending in a newline.
-pub fn table(results: &Results, options: &TableOptions) -> String {
-    let rows = ranked(results, &options.sort);
+/// What `run` prints on standard output, ending in a newline. `speeds` are frames per second by id of tracker: shown to people
+/// only when they are sorted by them, because all else that is printed is the same in every run.
+pub fn table(results: &Results, speeds: &BTreeMap<String, f64>, options: &TableOptions) -> String {
+    let rows = ranked(results, speeds, &options.sort);
     match options.format {
         Format::Json => {
             let order: Vec<_> = rows.iter().map(|r| &r.tracker).collect();
@@ -98,11 +107,16 @@ pub fn table(results: &Results, options: &TableOptions) -> String {
             let _ = csv::summary(&mut bytes, &results.metrics, both);
             String::from_utf8(bytes).unwrap_or_default()
         }
-        Format::Table | Format::Md => people(results, &rows, options),
+        Format::Table | Format::Md => people(results, speeds, &rows, options),
     }
 }
 
-fn people(results: &Results, rows: &[&SummaryRow], options: &TableOptions) -> String {
+fn people(
+    results: &Results,
+    speeds: &BTreeMap<String, f64>,
+    rows: &[&SummaryRow],
+    options: &TableOptions,
+) -> String {
     let shown = if options.top == 0 {
         rows.len()
     } else {
@@ -128,6 +142,9 @@ fn people(results: &Results, rows: &[&SummaryRow], options: &TableOptions) -> St
     if restarted {
         header.push("frames/failure");
     }
+    if options.sort == FPS {
+        header.push(FPS);
+    }
     if protocols {
         header.push("protocol");
     }
@@ -146,6 +163,9 @@ fn people(results: &Results, rows: &[&SummaryRow], options: &TableOptions) -> St
         ]);
         if restarted {
             row.push(short(s["frames_per_failure"], 1));
+        }
+        if options.sort == FPS {
+            row.push(short(speeds.get(&r.tracker.id).copied().unwrap_or(f64::NAN), 0));
         }
         if protocols {
             row.push(r.protocol.clone());
@@ -257,7 +277,7 @@ mod tests {
     use crate::metric::aggregate::example;
 
     fn print(options: TableOptions) -> String {
-        table(&example::results(), &options)
+        table(&example::results(), &BTreeMap::new(), &options)
     }
 
     #[test]
@@ -318,12 +338,12 @@ mod tests {
         assert_eq!(parse("SR_5").unwrap(), "sr_5");
         assert!(parse("sr5").unwrap_err().contains("did you mean 'sr_5'"));
         let results = example::results();
-        let first = |key: &str| ranked(&results, key)[0].tracker.sm.clone();
+        let first = |key: &str| ranked(&results, &BTreeMap::new(), key)[0].tracker.sm.clone();
         assert_eq!(
             (first("failures"), first("frames"), first("tracker")),
             ("esm".into(), "esm".into(), "esm".into())
         );
-        let last = |key: &str| ranked(&results, key)[2].tracker.sm.clone();
+        let last = |key: &str| ranked(&results, &BTreeMap::new(), key)[2].tracker.sm.clone();
         assert_eq!(
             (last("auc"), last("al_median"), last("al_tracked")),
             ("nn".into(), "nn".into(), "nn".into())
@@ -332,8 +352,34 @@ mod tests {
     }
 
     #[test]
+    fn speeds_are_shown_when_they_are_sorted_by() {
+        let results = example::results();
+        let speeds = [("iclk/ssd/affine", 900.4), ("esm/ssd/homography", 450.0)];
+        let speeds: BTreeMap<String, f64> = speeds.iter().map(|(id, v)| ((*id).to_owned(), *v)).collect();
+        let by = |sort: &str| {
+            let options = TableOptions {
+                sort: sort.to_owned(),
+                ..TableOptions::default()
+            };
+            table(&results, &speeds, &options)
+        };
+        let text = by("fps");
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(
+            lines[0].contains("fps") && lines[1].contains("iclk/ssd/affine"),
+            "{text}"
+        );
+        assert!(lines[1].contains(" 900") && lines[2].contains(" 450"), "{text}");
+        assert!(
+            lines[3].starts_with("nn/mi/affine") && lines[3].contains(" - "),
+            "{text}"
+        );
+        assert!(!by("auc").contains("fps"));
+    }
+
+    #[test]
     fn nothing_to_show() {
-        let text = table(&Results::default(), &TableOptions::default());
+        let text = table(&Results::default(), &BTreeMap::new(), &TableOptions::default());
         assert_eq!(text.lines().count(), 1);
     }
 }

@@ -20,7 +20,7 @@ use crate::store::rundir::{Recorded, RunDir, digest};
 use crate::store::truth::{self, KeptTruth};
 use rayon::prelude::*;
 use serde_json::{Map, Value};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 /// Most units of a run whose files hold the success curve of each sequence (100 lines each).
@@ -40,9 +40,16 @@ pub(crate) struct ResultSource<'a> {
 /// Units without a result: what they are, and why.
 pub type Failed = Vec<(String, String)>;
 
+/// Frames per second of update time of each tracker, by id, over all its units.
+pub type Speeds = BTreeMap<String, f64>;
+
 impl ResultSource<'_> {
     /// Writes `timing.csv` and the result files of `units`, which are in the order of the plan.
-    pub fn finish(&self, units: &[Unit], pool: &rayon::ThreadPool) -> Result<(Results, Failed), RunError> {
+    pub fn finish(
+        &self,
+        units: &[Unit],
+        pool: &rayon::ThreadPool,
+    ) -> Result<(Results, Speeds, Failed), RunError> {
         // A tracker at a time, so that the errors of all frames of all trackers are never in memory together.
         let trackers: Vec<&[Unit]> = units.chunk_by(|a, b| a.tracker == b.tracker).collect();
         let parts: Vec<(Vec<u64>, Vec<(Unit, UnitTime)>, Failed, Results)> = pool.install(|| {
@@ -89,7 +96,7 @@ impl ResultSource<'_> {
             ..About::default()
         };
         self.exporters.write(self.dir.path(), &results, &about)?;
-        Ok((results, failed))
+        Ok((results, speeds(self.plan, &times), failed))
     }
 
     /// How the unit ended, its line and its result, as they stand on disk.
@@ -194,6 +201,25 @@ fn write_description(dir: &RunDir, recorded: &Recorded) -> Result<(), StoreError
     let path = dir.path().join("run.json");
     let bytes = recorded.to_bytes().map_err(|e| StoreError::io(&path, e.into()))?;
     dir.put(&path, &bytes, Durable::Now)
+}
+
+/// The speed of each tracker that has been timed.
+fn speeds(plan: &Plan, times: &[(Unit, UnitTime)]) -> Speeds {
+    let mut sums: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
+    for (unit, time) in times {
+        let (updates, seconds) = sums.entry(unit.tracker).or_default();
+        *updates += time.updates as f64;
+        *seconds += time.seconds;
+    }
+    sums.into_iter()
+        .filter(|(_, (updates, _))| *updates > 0.0)
+        .map(|(tracker, (updates, seconds))| {
+            (
+                plan.trackers[tracker as usize].id.clone(),
+                updates / seconds.max(1e-9),
+            )
+        })
+        .collect()
 }
 
 /// Speed of each unit.

@@ -241,7 +241,7 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
         truth: &truth,
         journal: &journal,
     };
-    let (results, failed) = source.finish(&units, &pool)?;
+    let (results, speeds, failed) = source.finish(&units, &pool)?;
     finish::seal(&dir, recorded, &request.exporters)?;
     drop(dir);
     if let Some(aside) = &aside {
@@ -251,6 +251,7 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
     Ok(Merged::Complete(Box::new(RunReport {
         path: request.out.clone(),
         results,
+        speeds,
         units: units.len(),
         resumed: units.len() - elsewhere.len(),
         failed,

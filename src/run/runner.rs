@@ -18,7 +18,7 @@ use crate::store::rundir::{Recorded, RunDir};
 use crate::store::truth;
 use rayon::prelude::*;
 use serde_json::Value;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, OnceLock, mpsc};
@@ -34,6 +34,8 @@ pub struct RunReport {
     pub path: PathBuf,
     /// The aggregated figures, as written.
     pub results: Results,
+    /// Frames per second of update time of each tracker, by id; they differ from run to run.
+    pub speeds: BTreeMap<String, f64>,
     /// Units requested.
     pub units: usize,
     /// Of those, units that an earlier run had done.
@@ -209,11 +211,12 @@ pub fn run(
         truth: &truth,
         journal: &journal,
     };
-    let (results, failed) = source.finish(&units, &pool)?;
+    let (results, speeds, failed) = source.finish(&units, &pool)?;
     finish::seal(&dir, recorded, exporters)?;
     Ok(RunReport {
         path: dir.path().to_path_buf(),
         results,
+        speeds,
         units: units.len(),
         resumed,
         failed,

@@ -140,6 +140,11 @@ impl Frame {
         }))
     }
 
+    /// Whether anybody has read the pyramid, so that it has been made.
+    pub fn is_halved(&self) -> bool {
+        self.0.half.get().is_some()
+    }
+
     /// Level `level` of the pyramid: this frame halved that many times, or the smallest there is.
     pub fn level(&self, level: usize, channels: usize) -> &Frame {
         let mut at = self;
