@@ -405,7 +405,6 @@ mod tests {
             about: Map::new(),
             trackers: ["a", "b"].map(tracker).to_vec(),
             sequences: [["d", "s"], ["d", "t"], ["e", "s"]].map(sequence).to_vec(),
-            data: Default::default(),
         }
     }
 
