@@ -69,6 +69,14 @@ pub(super) fn find(root: &Folder, formats: &Formats) -> Result<Finds, DatasetErr
     };
     walk.visit(root, dataset.name(), 0)?;
     let mut finds = walk.finds;
+    // A folder that holds nothing but the ground truth of a sequence elsewhere is no sequence.
+    let complete = finds.sequences.iter().filter(|s| !s.parts.frames.is_empty());
+    let files = complete.flat_map(|s| &s.parts.truth);
+    let used: HashSet<PathBuf> = files.map(|file| file.path().to_path_buf()).collect();
+    let is_used = |s: &Unread| s.parts.truth.iter().any(|file| used.contains(file.path()));
+    finds
+        .sequences
+        .retain(|s| !s.parts.frames.is_empty() || !is_used(s));
     if finds.sequences.is_empty() {
         if !finds.dead.is_empty() {
             return Err(finds.dead.swap_remove(0).fault);
