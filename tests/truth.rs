@@ -619,7 +619,13 @@ fn a_start_without_texture_is_found_by_the_check() {
         let data = Data::painted("", pixel).truth(&quads());
         data.suspected(&["groundtruth.txt:1: warning: the start has no texture to track"]);
     }
-    let checked = |x: u32, y: u32| if (x / 6 + y / 6) % 2 == 0 { 100 } else { 110 };
+    let checked = |x: u32, y: u32| {
+        if (x / 6 + y / 6).is_multiple_of(2) {
+            100
+        } else {
+            110
+        }
+    };
     Data::painted("", &checked).truth(&quads()).unsuspected();
 }
 
@@ -836,7 +842,7 @@ fn many_faults_of_a_kind_are_one_line() {
     assert_eq!(data.load_with(&skip).unwrap().sequences[0].notes().len(), 2);
     // Every second row is zero in POT: nothing to say.
     let zeros = |k: usize| {
-        if k % 2 == 0 {
+        if k.is_multiple_of(2) {
             line(&quad(k).to_array())
         } else {
             line(&[0.0; 8])

@@ -281,7 +281,7 @@ mod tests {
         for c in 0..channels {
             for y in 0..height {
                 for (x, v) in image.row_mut(c, y).iter_mut().enumerate() {
-                    let noise = ((x * 7919 + y * 104_729 + c * 1_299_709) * 2_654_435_761 >> 7) % 40;
+                    let noise = (((x * 7919 + y * 104_729 + c * 1_299_709) * 2_654_435_761) >> 7) % 40;
                     let edge = if (x + 2 * y) % 17 < 8 { 60 } else { 170 };
                     *v = (edge + noise + 5 * c) as f32;
                 }

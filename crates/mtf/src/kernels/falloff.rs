@@ -21,8 +21,7 @@ impl Falloff {
     #[inline(always)]
     fn at(&self, t: f32) -> f32 {
         let s = t * (STEPS as f32 / END);
-        // Also for what is no number.
-        if !(s < STEPS as f32) {
+        if s.is_nan() || s >= STEPS as f32 {
             return 0.0;
         }
         let i = s as usize;

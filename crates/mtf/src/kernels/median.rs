@@ -40,11 +40,12 @@ fn median_lanes<V: Lanes>(
         let row = &mut plane[y * stride..y * stride + width];
         for x in (0..width).step_by(WIDTH) {
             let first = &padded[y * from + x..];
-            let mut n = count.div_ceil(2) + 1;
-            for i in 0..n {
-                kept[i] = V::load(&first[i / size * from + i % size..]);
+            let begin = count.div_ceil(2) + 1;
+            for (i, value) in kept[..begin].iter_mut().enumerate() {
+                *value = V::load(&first[i / size * from + i % size..]);
             }
-            for i in n..count {
+            let mut n = begin;
+            for i in begin..count {
                 to_the_ends(&mut kept[..n]);
                 n -= 1;
                 kept[0] = V::load(&first[i / size * from + i % size..]);

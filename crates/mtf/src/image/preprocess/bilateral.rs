@@ -48,7 +48,7 @@ impl Bilateral {
         let sigmas = [sigma_colour, sigma_space]
             .iter()
             .all(|s| (0.01..=1e4).contains(s));
-        if diameter % 2 == 0 || !(3..=MAX_DIAMETER).contains(&diameter) || !sigmas {
+        if diameter.is_multiple_of(2) || !(3..=MAX_DIAMETER).contains(&diameter) || !sigmas {
             return None;
         }
         let r = (diameter / 2) as f64;

@@ -49,8 +49,10 @@ mod tests {
     /// The slope that is left after a step from a slope of 1 on a parabola whose curvature is `curvature` times the one
     /// expected, and the length of the step after it.
     fn second_step(curvature: f64) -> (f64, f64) {
-        let mut relaxation = Relaxation::default();
-        relaxation.promise = 1.0;
+        let mut relaxation = Relaxation {
+            promise: 1.0,
+            ..Relaxation::default()
+        };
         let left = 1.0 - relaxation.gain * curvature;
         relaxation.adapt(left);
         (left, relaxation.gain)
