@@ -16,8 +16,8 @@ use super::annotation::{Annotations, Location};
 use super::decode::is_image_name;
 use super::order::sort_frames;
 use super::storage::{File, Folder, Listing};
-use super::text;
 use super::{DatasetError, DatasetErrorKind};
+use super::{rows, text};
 use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
@@ -48,7 +48,8 @@ pub trait Format: Send + Sync {
     fn recognise(&self, place: &Place) -> Result<Vec<Found>, DatasetError>;
 
     /// Reads the annotations of `sequence` from the content of its truth files, in the order in which
-    /// [`recognise`](Self::recognise) gave them. What is wrong with a frame goes to `annotations`.
+    /// [`recognise`](Self::recognise) gave them. What is wrong with a frame goes to `annotations`. Unless a format says
+    /// otherwise, its one file has rows of corners or boxes.
     ///
     /// # Errors
     /// The fault that made it impossible to go on: such a sequence is not used.
@@ -57,7 +58,12 @@ pub trait Format: Send + Sync {
         sequence: &Found,
         truth: &[TruthFile],
         annotations: &mut Annotations,
-    ) -> Result<(), DatasetError>;
+    ) -> Result<(), DatasetError> {
+        let frames = || sequence.frames.iter().enumerate();
+        truth
+            .iter()
+            .try_for_each(|file| rows::read(file, rows::ANY, frames(), annotations))
+    }
 
     /// What is not certain about how `sequence`, which lies in `place`, was read.
     fn doubt(&self, place: &Place, sequence: &Found, annotations: &Annotations) -> Option<DatasetError> {

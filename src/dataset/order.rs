@@ -51,8 +51,8 @@ fn compare(a: &str, b: &str) -> Ordering {
 
 /// Compares digits as whole numbers.
 fn whole(a: &[u8], b: &[u8]) -> Ordering {
-    let significant = |digits: &[u8]| digits.iter().take_while(|&&c| c == b'0').count();
-    let (a, b) = (&a[significant(a)..], &b[significant(b)..]);
+    let zeros = |digits: &[u8]| digits.iter().take_while(|&&c| c == b'0').count();
+    let (a, b) = (&a[zeros(a)..], &b[zeros(b)..]);
     a.len().cmp(&b.len()).then(a.cmp(b))
 }
 

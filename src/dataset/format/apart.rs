@@ -1,9 +1,7 @@
 //! Frames and ground truth in folders of their own: PlanarTrack's, POIC's, UAV123's and TrackingNet's sequences.
 
-use super::{Description, Format, Found, Place, TruthFile};
+use super::{Description, Format, Found, Place};
 use crate::dataset::DatasetError;
-use crate::dataset::annotation::Annotations;
-use crate::dataset::rows::{self, ANY};
 
 /// See the module.
 pub(super) struct Apart;
@@ -62,14 +60,5 @@ impl Format for Apart {
         let truth = place.file_around(LEVELS, &FOLDERS, &names);
         let found = truth.map(|truth| place.sequence(frames, vec![truth]));
         Ok(found.into_iter().collect())
-    }
-
-    fn read(
-        &self,
-        sequence: &Found,
-        truth: &[TruthFile],
-        annotations: &mut Annotations,
-    ) -> Result<(), DatasetError> {
-        rows::read(&truth[0], ANY, sequence.frames.iter().enumerate(), annotations)
     }
 }

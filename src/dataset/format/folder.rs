@@ -1,9 +1,7 @@
 //! The plainest format: a folder with frames (or with frames in `img/`) and `groundtruth.txt`.
 
-use super::{Description, Format, Found, Place, TruthFile};
+use super::{Description, Format, Found, Place};
 use crate::dataset::DatasetError;
-use crate::dataset::annotation::Annotations;
-use crate::dataset::rows::{self, ANY};
 
 /// See the module.
 pub(super) struct FrameFolder;
@@ -26,14 +24,5 @@ impl Format for FrameFolder {
         };
         let (frames, _) = place.images_here_or_in(&["img"])?;
         Ok(vec![place.sequence(frames, vec![truth.clone()])])
-    }
-
-    fn read(
-        &self,
-        sequence: &Found,
-        truth: &[TruthFile],
-        annotations: &mut Annotations,
-    ) -> Result<(), DatasetError> {
-        rows::read(&truth[0], ANY, sequence.frames.iter().enumerate(), annotations)
     }
 }

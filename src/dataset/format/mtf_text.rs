@@ -1,10 +1,8 @@
 //! MTF's and TMT's sequences: frames in `<root>/<seq>/`, ground truth in `<root>/<seq>.txt`, with or without a level of
 //! actors.
 
-use super::{Description, Format, Found, Place, TruthFile};
+use super::{Description, Format, Found, Place};
 use crate::dataset::DatasetError;
-use crate::dataset::annotation::Annotations;
-use crate::dataset::rows::{self, ANY};
 
 /// See the module.
 pub(super) struct MtfText;
@@ -28,14 +26,5 @@ impl Format for MtfText {
         let truth = place.file_beside_with(".txt");
         let found = truth.map(|truth| place.sequence(frames, vec![truth]));
         Ok(found.into_iter().collect())
-    }
-
-    fn read(
-        &self,
-        sequence: &Found,
-        truth: &[TruthFile],
-        annotations: &mut Annotations,
-    ) -> Result<(), DatasetError> {
-        rows::read(&truth[0], ANY, sequence.frames.iter().enumerate(), annotations)
     }
 }
