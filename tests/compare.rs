@@ -71,7 +71,9 @@ fn finds_the_tracker_that_changed() {
         .args(["compare", "a", "again"])
         .assert()
         .success()
-        .stdout(contains("no difference: 36 runs of 3 trackers equal"));
+        .stdout(contains(
+            "no difference: 36 units (one tracker on one sequence each) of 3 trackers equal",
+        ));
     let found = json(dir, &["a", "b"]);
     let found = &found["comparisons"][0];
     assert_eq!((&found["units"], &found["trackers"]), (&36.into(), &3.into()));

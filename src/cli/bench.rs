@@ -12,7 +12,7 @@ use crate::measure::bench::{
     self, BenchReport, BenchRequest, BenchRow, MEASUREMENT_FORMAT_VERSION, MeasuredSequence, Measurement,
 };
 use crate::measure::machine::Machine;
-use crate::report::{Format, bars_svg, render};
+use crate::report::{Format, bars_svg, json_text, render};
 use crate::run::pool;
 use crate::store::{Durable, write_atomic};
 use std::collections::BTreeMap;
@@ -45,19 +45,25 @@ pub struct BenchArgs {
     /// Timed passes over each sequence, after one to warm up
     #[arg(long, value_name = "N", default_value = "5", value_parser = at_least_one, help_heading = "Measurement")]
     pub repeats: usize,
-    /// No further pass for a tracker that has spent as long on a sequence
-    #[arg(long, value_name = "SECONDS", default_value = "5", value_parser = positive, help_heading = "Measurement")]
+    /// No further pass for a tracker that has spent as long on a sequence, s
+    #[arg(long, value_name = "SECONDS", default_value = "5", value_parser = positive, help_heading = "Measurement", hide_short_help = true)]
     pub budget: f64,
     /// Threads that a tracker may use: particle filters, nearest neighbours and grids share out their work
-    #[arg(long, value_name = "N", default_value = "1", value_parser = at_least_one, help_heading = "Measurement")]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = at_least_one, help_heading = "Measurement", hide_short_help = true)]
     pub threads_per_tracker: usize,
     /// Seed of all randomness
-    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Measurement")]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        help_heading = "Measurement",
+        hide_short_help = true
+    )]
     pub seed: u64,
     /// Mark trackers with fewer frames per second, input included
-    #[arg(long, value_name = "N", value_parser = positive, help_heading = "Measurement")]
+    #[arg(long, value_name = "FPS", value_parser = positive, help_heading = "Measurement")]
     pub target_fps: Option<f64>,
-    /// Fail (exit code 10) when an update takes longer on average, in microseconds
+    /// Fail (exit code 10) when an update takes longer on average, us (microseconds)
     #[arg(long, value_name = "US", value_parser = positive, help_heading = "Measurement")]
     pub fail_above: Option<f64>,
     /// Fail (exit code 10) when there are fewer updates per second
@@ -72,7 +78,9 @@ pub struct BenchArgs {
     /// Draw frames per second as bars (SVG)
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     pub chart: Option<PathBuf>,
-    /// Form of the result on stdout
+    /// Form of the result: a row per tracker, times in us; json: the document that --save writes
+    ///
+    /// JSON is on one line; --pretty indents it. With --against it has the other measurement's rows under `against`.
     #[arg(long, value_name = "FORMAT", default_value = "table", help_heading = "Output")]
     pub format: Format,
 }
@@ -149,7 +157,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
     }
     let groups = groups(&measured, others.as_ref());
     let text = match args.format {
-        Format::Json => json(&measured, &groups, args.target_fps),
+        Format::Json => console.json(&json(&measured, &groups, args.target_fps)),
         format => Shown {
             measured: &measured,
             compared: others.is_some(),
@@ -160,7 +168,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
     };
     print(&text)?;
     if let Some(path) = &args.save {
-        write(path, &pretty(&measured))?;
+        write(path, &json_text(&measured, true))?;
     }
     if let Some(path) = &args.chart {
         let cores = match args.threads_per_tracker {
@@ -276,11 +284,6 @@ fn write(path: &Path, text: &str) -> Result<(), Failure> {
     write_atomic(path, Durable::Now, |w| w.write_all(text.as_bytes())).map_err(Failure::usage)
 }
 
-fn pretty(value: &impl serde::Serialize) -> String {
-    // Strings and numbers always serialise.
-    serde_json::to_string_pretty(value).unwrap_or_default() + "\n"
-}
-
 /// Each row of ours, then the rows of the other measurement about the same tracker.
 fn groups<'a>(measured: &'a Measurement, others: Option<&'a Measurement>) -> Vec<Vec<&'a BenchRow>> {
     let like = |ours: &'a BenchRow| {
@@ -303,7 +306,7 @@ fn below(measured: &Measurement, target: f64) -> Vec<&str> {
         .collect()
 }
 
-fn json(measured: &Measurement, groups: &[Vec<&BenchRow>], target: Option<f64>) -> String {
+fn json(measured: &Measurement, groups: &[Vec<&BenchRow>], target: Option<f64>) -> serde_json::Value {
     let mut value = serde_json::to_value(measured).unwrap_or_default();
     let compared: Vec<serde_json::Value> = groups
         .iter()
@@ -324,7 +327,7 @@ fn json(measured: &Measurement, groups: &[Vec<&BenchRow>], target: Option<f64>) 
         value["target_fps"] = target.into();
         value["below_target"] = below(measured, target).into();
     }
-    pretty(&value)
+    value
 }
 
 /// What a table is made of.
@@ -343,12 +346,12 @@ impl Shown<'_> {
             "us/iteration",
             "iterations",
             "us/frame",
-            "median",
-            "p95",
+            "median us",
+            "p95 us",
             "fps",
             "fps with input",
             "SR@5",
-            "AL median",
+            "AL median px",
             "frames",
         ]
         .map(str::to_owned)

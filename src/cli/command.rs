@@ -29,9 +29,9 @@ pub enum Command {
     Run(Box<run::RunArgs>),
     /// Say what an experiment contains, what it costs and how it is cut into shards
     Plan(Box<plan::PlanArgs>),
-    /// Say how far a run directory is: exit 0 complete, 20 some units failed, 21 units missing
+    /// Say how far a run directory is: exit 0 complete, 20 something failed, 21 something is missing
     Status(status::StatusArgs),
-    /// Join the run directories of shards into one: exit 21 and nothing written when units are missing
+    /// Join the run directories of shards into one: exit 21 and nothing written when one is incomplete
     Merge(merge::MergeArgs),
     /// Compare a run with a recorded baseline: exit 0 or 10
     Check(check::CheckArgs),

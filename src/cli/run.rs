@@ -55,13 +55,11 @@ pub fn run(args: &RunArgs, program: &Program) -> Outcome {
     let typed = &program.arguments;
     // Before the command there are but flags of messages, none of which has this value.
     let own = typed.iter().position(|word| word == "run").map_or(0, |at| at + 1);
-    let options = args
-        .table
-        .options(&program.catalogue.metrics, program.console.table_colour)?;
+    let options = args.table.options(&program.catalogue.metrics, &program.console)?;
     let report = track(args, &typed[own..], program)?;
     if let Some(shard) = args.execution.shard {
         program.console.note(&format!(
-            "{shard}: {} units; join the shards with `mtf-eval merge`",
+            "{shard}: {} units (one tracker on one sequence each); join the shards with `mtf-eval merge`",
             report.units
         ));
     }

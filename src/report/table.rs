@@ -34,6 +34,8 @@ pub struct TableOptions {
     pub top: usize,
     /// Bold header (ANSI) in `Table`.
     pub colour: bool,
+    /// Indented `Json` instead of one line.
+    pub pretty: bool,
 }
 
 impl Default for TableOptions {
@@ -43,6 +45,7 @@ impl Default for TableOptions {
             sort: "auc".to_owned(),
             top: 20,
             colour: false,
+            pretty: false,
         }
     }
 }
@@ -95,7 +98,7 @@ pub fn table(results: &Results, speeds: &BTreeMap<String, f64>, options: &TableO
     match options.format {
         Format::Json => {
             let order: Vec<_> = rows.iter().map(|r| &r.tracker).collect();
-            summary::document(results, &order) + "\n"
+            json_text(&summary::document(results, &order), options.pretty)
         }
         Format::Csv => {
             let both = rows.iter().flat_map(|p| {
@@ -132,7 +135,7 @@ fn people(
         "SR@10",
         "SR@20",
         "AUC",
-        "AL median",
+        "AL median px",
         "failures",
         "frames",
     ];
@@ -149,7 +152,7 @@ fn people(
         header.push("protocol");
     }
     if failed {
-        header.push("failed runs");
+        header.push("failed units");
     }
     let cells = rows[..shown].iter().map(|r| {
         let s = &r.score;
@@ -196,7 +199,7 @@ fn people(
     let runs = results.failed_runs();
     if runs > 0 {
         notes.push(format!(
-            "{runs} of {} runs failed (see sequences.csv)",
+            "{runs} of {} units (one tracker on one sequence each) failed, see sequences.csv",
             results.sequences.len()
         ));
     }
@@ -204,6 +207,16 @@ fn people(
         text = format!("{text}\n{}\n", notes.join("; "));
     }
     text
+}
+
+/// JSON that ends in a newline: one line, or indented if `pretty`.
+pub fn json_text(value: &impl serde::Serialize, pretty: bool) -> String {
+    let text = match pretty {
+        true => serde_json::to_string_pretty(value),
+        false => serde_json::to_string(value),
+    };
+    // Strings and numbers always serialise; an empty text would only follow from a bug in serde.
+    text.unwrap_or_default() + "\n"
 }
 
 /// A number for people: fixed decimals, `inf`, or `-` when undefined.
@@ -283,26 +296,26 @@ mod tests {
     #[test]
     fn for_people() {
         insta::assert_snapshot!(print(TableOptions::default()), @"
-        tracker              SR@1   SR@2   SR@5  SR@10  SR@20    AUC  AL median  failures  frames  failed runs
-        esm/ssd/homography  0.833  0.833  1.000  1.000  1.000  0.963       0.17         0       6
-        iclk/ssd/affine     0.333  0.500  0.667  0.667  0.667  0.633       2.00         2       6
-        nn/mi/affine        0.000  0.000  0.000  0.000  0.000  0.000        inf         2       2       1 of 1
+        tracker              SR@1   SR@2   SR@5  SR@10  SR@20    AUC  AL median px  failures  frames  failed units
+        esm/ssd/homography  0.833  0.833  1.000  1.000  1.000  0.963         0.17         0       6
+        iclk/ssd/affine     0.333  0.500  0.667  0.667  0.667  0.633         2.00         2       6
+        nn/mi/affine        0.000  0.000  0.000  0.000  0.000  0.000          inf         2       2        1 of 1
 
-        1 of 5 runs failed (see sequences.csv)
+        1 of 5 units (one tracker on one sequence each) failed, see sequences.csv
         ");
         let two = TableOptions {
             format: Format::Md,
             top: 2,
             sort: "al_median".to_owned(),
-            colour: false,
+            ..TableOptions::default()
         };
         insta::assert_snapshot!(print(two), @"
-        | tracker            |  SR@1 |  SR@2 |  SR@5 | SR@10 | SR@20 |   AUC | AL median | failures | frames |
-        |--------------------|-------|-------|-------|-------|-------|-------|-----------|----------|--------|
-        | esm/ssd/homography | 0.833 | 0.833 | 1.000 | 1.000 | 1.000 | 0.963 |      0.17 |        0 |      6 |
-        | iclk/ssd/affine    | 0.333 | 0.500 | 0.667 | 0.667 | 0.667 | 0.633 |      2.00 |        2 |      6 |
+        | tracker            |  SR@1 |  SR@2 |  SR@5 | SR@10 | SR@20 |   AUC | AL median px | failures | frames |
+        |--------------------|-------|-------|-------|-------|-------|-------|--------------|----------|--------|
+        | esm/ssd/homography | 0.833 | 0.833 | 1.000 | 1.000 | 1.000 | 0.963 |         0.17 |        0 |      6 |
+        | iclk/ssd/affine    | 0.333 | 0.500 | 0.667 | 0.667 | 0.667 | 0.633 |         2.00 |        2 |      6 |
 
-        1 more tracker (--top 0 shows all); 1 of 5 runs failed (see sequences.csv)
+        1 more tracker (--top 0 shows all); 1 of 5 units (one tracker on one sequence each) failed, see sequences.csv
         ");
         assert!(
             print(TableOptions {
