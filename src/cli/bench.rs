@@ -15,7 +15,7 @@ use crate::measure::machine::Machine;
 use crate::report::{Format, bars_svg, json_text, render};
 use crate::run::pool;
 use crate::store::{Durable, write_atomic};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Mutex;
@@ -179,7 +179,8 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
             "frames per second of update time on {cores}, logarithmic (median error); {}",
             measured.machine.cpu
         );
-        let svg = bars_svg(&groups, "Speed of trackers", &note).map_err(Failure::usage)?;
+        let title = format!("Speed of trackers on {}", subject(&measured.data));
+        let svg = bars_svg(&groups, &title, &note).map_err(Failure::usage)?;
         write(path, &svg)?;
     }
     for (tracker, reason) in &measured.failed {
@@ -244,6 +245,19 @@ fn comparable(
         }
     }
     Ok(())
+}
+
+/// `builtin: 3 sequences, 180 frames`
+fn subject(data: &[MeasuredSequence]) -> String {
+    let dataset = |s: &MeasuredSequence| s.sequence.rsplit_once('/').map_or("", |(d, _)| d).to_owned();
+    let datasets: BTreeSet<String> = data.iter().map(dataset).collect();
+    let names: Vec<&str> = datasets.iter().map(String::as_str).collect();
+    let frames: usize = data.iter().map(|s| s.frames).sum();
+    let sequences = match data.len() {
+        1 => "1 sequence".to_owned(),
+        n => format!("{n} sequences"),
+    };
+    format!("{}: {sequences}, {frames} frames", names.join(", "))
 }
 
 /// What breaks `--fail-above` and `--fail-below`, a line each.
@@ -498,6 +512,18 @@ fn frame_counts(groups: &[Vec<&BenchRow>]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn charts_say_what_they_are_of() {
+        let one = |sequence: &str, frames: usize| MeasuredSequence {
+            sequence: sequence.to_owned(),
+            frames,
+            ..MeasuredSequence::default()
+        };
+        assert_eq!(subject(&[one("tmt/book", 60)]), "tmt: 1 sequence, 60 frames");
+        let two = [one("tmt/book", 60), one("builtin/wall", 30)];
+        assert_eq!(subject(&two), "builtin, tmt: 2 sequences, 90 frames");
+    }
 
     #[test]
     fn numbers_of_frames_are_explained() {

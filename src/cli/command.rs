@@ -112,6 +112,41 @@ mod tests {
         Cli::command().debug_assert();
     }
 
+    /// Names of values that are no counts, and so have a unit.
+    const MEASURED: [&str; 8] = ["X", "F", "SIGMA", "RATE|%", "AREA|%", "RATE", "TIME", "SECONDS"];
+    /// Units, and words of numbers that have none.
+    const UNITS: [&str; 11] = [
+        "px",
+        "gray level",
+        "share",
+        "factor",
+        ", s",
+        "degrees",
+        "us (",
+        "without unit",
+        "0 to 1",
+        "at most 1",
+        "distance from",
+    ];
+
+    #[test]
+    fn numbers_have_units() {
+        let mut program = Cli::command();
+        program.build();
+        for command in program.get_subcommands() {
+            let takes_values = |arg: &&clap::Arg| arg.get_action().takes_values();
+            for arg in command.get_arguments().filter(takes_values) {
+                let name = arg
+                    .get_value_names()
+                    .and_then(|names| names.first())
+                    .map_or("", |n| n.as_str());
+                let help = arg.get_help().map_or(String::new(), ToString::to_string);
+                let told = !MEASURED.contains(&name) || UNITS.iter().any(|unit| help.contains(unit));
+                assert!(told, "{} --{}: {help}", command.get_name(), arg.get_id());
+            }
+        }
+    }
+
     #[test]
     fn lists_may_be_joined_or_repeated() {
         let cli = Cli::parse_from(["mtf-eval", "run", "--sm", "esm,fclk", "--sm", "nn", "data"]);

@@ -12,7 +12,7 @@ use crate::store::truth::{self, KeptTruth};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// A tracker on a sequence, or over all sequences.
+/// A tracker on a sequence from a start.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Case {
     /// Time of its starts and updates, s.
@@ -20,7 +20,7 @@ pub struct Case {
     /// Why it has no result.
     pub reason: Option<String>,
     /// Number and error (that of the primary metric; infinite without output) of each evaluated frame, in their order. Empty
-    /// unless asked for, over all sequences, and where the run does not say which frames its errors are of.
+    /// unless asked for, and where the run does not say which frames its errors are of.
     pub frames: Vec<(usize, f64)>,
 }
 
@@ -53,15 +53,14 @@ pub fn cases(
             if !plan.belongs(&unit, index) {
                 continue;
             }
-            let pooled = Subject::pooled(&plan.trackers[unit.tracker as usize].id, &protocol.to_string());
             let subject = Subject {
+                tracker: plan.trackers[unit.tracker as usize].id.clone(),
                 dataset: sequence.dataset.clone(),
                 sequence: sequence.sequence.clone(),
                 start: unit.start as usize,
-                ..pooled.clone()
+                protocol: protocol.to_string(),
             };
             let seconds = entry.time.init_seconds + entry.time.seconds;
-            found.entry(pooled).or_default().seconds += seconds;
             let frames = match wanted.contains(&subject) {
                 true => frames(&dir, plan, &unit, &entry, &truth[unit.sequence as usize], metrics)?,
                 false => Vec::new(),

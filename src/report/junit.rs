@@ -53,19 +53,29 @@ pub fn junit(
             false => (subject, skipped("not in the baseline")),
         });
     let mut suites: BTreeMap<&str, TestSuite> = BTreeMap::new();
+    let mut times: BTreeMap<&str, Duration> = BTreeMap::new();
     for (subject, status) in lines.chain(added) {
         let mut case = TestCase::new(subject.place(), status);
         case.set_classname(subject.tracker.clone());
         let known = cases.get(subject);
         if let Some(time) = known.and_then(|case| Duration::try_from_secs_f64(case.seconds).ok()) {
             case.set_time(time);
+            *times.entry(&subject.tracker).or_default() += time;
         }
         let suite = suites
             .entry(&subject.tracker)
             .or_insert_with(|| TestSuite::new(subject.tracker.clone()));
         suite.add_test_case(case);
     }
+    for (tracker, time) in &times {
+        if let Some(suite) = suites.get_mut(tracker) {
+            suite.set_time(*time);
+        }
+    }
     let mut report = Report::new("mtf-eval check");
+    if !times.is_empty() {
+        report.set_time(times.values().sum());
+    }
     if !findings.not_comparable.is_empty() {
         let mut suite = TestSuite::new("comparison");
         suite.add_test_cases(findings.not_comparable.iter().map(|reason| {

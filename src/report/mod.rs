@@ -19,7 +19,7 @@ pub use bars::bars_svg;
 pub use code_quality::code_quality;
 pub use exporter::{About, EXPORTERS, Exporter, ExporterError, Exporters};
 pub use junit::junit;
-pub use plot::success_svg;
+pub use plot::{NamedCurve, curves_svg, success_curves, success_subject, success_svg};
 pub use problems::with_frames;
 pub use table::{Format, TableOptions, json_text, parse_sort, render, sort_keys, table};
 

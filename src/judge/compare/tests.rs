@@ -142,7 +142,7 @@ fn protocols_are_compared_apart() {
     let found = against(&one, &a).unwrap();
     assert_eq!((found.units, found.units_only_a, found.units_only_b), (12, 0, 12));
     assert!(
-        found.only_b.is_empty() && found.warnings[0].contains("12 runs"),
+        found.only_b.is_empty() && found.warnings[0].contains("12 units"),
         "{:?}",
         found.warnings
     );
