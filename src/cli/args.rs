@@ -92,9 +92,9 @@ pub struct ExperimentArgs {
     /// Which frames.
     #[command(flatten)]
     pub selection: SelectionArgs,
-    /// Where trackers start: ope, subseq[:n], reinit[:thresh:skip], every[:k] [default: ope]
+    /// Where trackers start: ope, subseq, reinit, every [default: ope]
     ///
-    /// Comma separated. ope: on the first frame, one pass. subseq[:n]: on n frames, a pass from each to the end; 10.
+    /// Comma separated: ope, subseq[:n], reinit[:thresh:skip], every[:k]. ope: on the first frame, one pass. subseq[:n]: on n frames, a pass from each to the end; 10.
     /// reinit[:thresh:skip]: anew, skip frames after an error above thresh px or no output; 20:5. every[:k]: anew every k
     /// frames; 10.
     #[arg(long, value_name = "LIST", help_heading = "Frames")]
@@ -137,7 +137,7 @@ pub struct TrackerArgs {
     /// Illumination models: gb, pgb, rbf, none or `all` [default: none]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub ilm: Vec<String>,
-    /// A tracker, such as `best` or `iclk/ssd+gb/affine{max_iters=50}`; repeatable
+    /// A tracker, such as `iclk/ssd+gb/affine{max_iters=50}`; repeatable
     #[arg(long = "tracker", value_name = "EXPR")]
     pub expressions: Vec<String>,
     /// Only trackers whose id matches, such as `*/ncc/*`; repeatable
@@ -155,7 +155,7 @@ pub struct TrackerArgs {
     #[arg(long, hide_short_help = true)]
     pub paper: bool,
     /// Samples of the template, columns x rows [default: 50x50]
-    #[arg(long, value_name = "WxH", value_parser = resolution)]
+    #[arg(long, value_name = "WxH", value_parser = resolution, hide_short_help = true)]
     pub res: Option<Resolution>,
     /// Most iterations per frame [default: 30]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), hide_short_help = true)]
@@ -166,11 +166,11 @@ pub struct TrackerArgs {
     /// Image channels to track in: 1 (gray) or 3 [default: 1]
     #[arg(long, value_name = "N", value_parser = channels, hide_short_help = true)]
     pub channels: Option<usize>,
-    /// Filter of each frame: `none`, or as in `list filters` [default: gaussian:5:3]
+    /// Filter of frames: none, or of `list filters` [default: gaussian:5:3]
     ///
     /// Several are separated by commas: `gaussian[:size[:sigma]]`, `box[:size]`, `median[:size]` and others; sizes and sigma in
     /// px.
-    #[arg(long, value_name = "FILTER")]
+    #[arg(long, value_name = "FILTER", hide_short_help = true)]
     pub pre: Option<String>,
 }
 
@@ -178,7 +178,7 @@ pub struct TrackerArgs {
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Frames")]
 pub struct SelectionArgs {
-    /// Only sequences whose name, or data set and name, match, such as `*/book`; repeatable
+    /// Only sequences of this name, or data set/name; repeatable
     #[arg(long, value_name = "GLOB", value_delimiter = ',')]
     pub seq: Vec<String>,
     /// Only sequences with this tag; repeatable (any of them)
@@ -268,7 +268,9 @@ pub struct ExecutionArgs {
     /// Run a part only, to be joined by `merge`: slice:i/n (equal cost) or hash:i/n, i from 1
     #[arg(long, value_name = "PART", hide_short_help = true)]
     pub shard: Option<Shard>,
-    /// Worker threads (never changes a result) [default: SLURM_CPUS_PER_TASK, else all cores]
+    /// Worker threads [default: SLURM_CPUS_PER_TASK, else all cores]
+    ///
+    /// Never changes a result.
     #[arg(short = 'j', long, value_name = "N", value_parser = threads)]
     pub threads: Option<usize>,
     /// Threads that a single tracker may use: particle filters, nearest neighbours and grids share out their work (never
@@ -303,13 +305,15 @@ pub enum FrameLogsArg {
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Output")]
 pub struct TableArgs {
-    /// Form of the result: table, csv and md have a row per tracker; json adds a row per sequence
+    /// Form of the result: a row per tracker; json: sequences, too
     ///
     /// table and md: the --top trackers, success rates as shares of frames, errors in px. csv: the rows of summary.csv, all
     /// trackers. json: the document of summary.json without curves, all trackers, on one line; --pretty indents it.
     #[arg(long, value_name = "FORMAT", default_value = "table")]
     pub format: Format,
-    /// Column to sort by, best first: `auc`, `fps`, `tracker` or a name of `list metrics`
+    /// Column to sort by, best first: auc, fps, tracker, ...
+    ///
+    /// All of them are in `list metrics`.
     #[arg(long, value_name = "COLUMN", default_value = "auc")]
     pub sort: String,
     /// How many trackers to show (0: all)

@@ -69,7 +69,9 @@ pub struct BenchArgs {
     /// Fail (exit code 10) when there are fewer updates per second
     #[arg(long, value_name = "FPS", value_parser = positive, help_heading = "Measurement")]
     pub fail_below: Option<f64>,
-    /// Compare with a saved measurement, of this program on the same data and filter or of another program
+    /// Compare with a saved measurement
+    ///
+    /// Of this program on the same data and filter, or of another program.
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     pub against: Option<PathBuf>,
     /// Save the measurement (JSON)
@@ -78,7 +80,7 @@ pub struct BenchArgs {
     /// Draw frames per second as bars (SVG)
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     pub chart: Option<PathBuf>,
-    /// Form of the result: a row per tracker, times in us; json: the document that --save writes
+    /// Form of the result: a row per tracker, times in us; json: as --save
     ///
     /// JSON is on one line; --pretty indents it. With --against it has the other measurement's rows under `against`.
     #[arg(long, value_name = "FORMAT", default_value = "table", help_heading = "Output")]

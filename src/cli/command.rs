@@ -123,7 +123,7 @@ mod tests {
         ", s",
         "degrees",
         "us (",
-        "without unit",
+        "plain number",
         "0 to 1",
         "at most 1",
         "distance from",

@@ -53,7 +53,7 @@ pub enum ListWhat {
     Params,
     /// Filters of frames
     Filters,
-    /// Error metrics and figures
+    /// Error metrics, and the figures (numbers of many frames) made of them
     Metrics,
     /// Sequences
     Data,

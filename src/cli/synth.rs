@@ -16,7 +16,7 @@ pub struct SynthArgs {
     #[arg(required_unless_present_any = ["builtin", "list_textures"])]
     pub out: Option<PathBuf>,
     /// Render the embedded dataset into DIR, one folder per sequence
-    #[arg(long, value_name = "DIR", conflicts_with = "out")]
+    #[arg(long, value_name = "DIR", conflicts_with = "out", hide_short_help = true)]
     pub builtin: Option<PathBuf>,
     /// List the textures and stop
     #[arg(long)]
@@ -84,7 +84,7 @@ pub struct SynthArgs {
     #[arg(long, value_name = "MODE", help_heading = "Motion")]
     pub mode: Option<String>,
     /// Corner motion of a random warp, standard deviation in px [default: 3]
-    #[arg(long, value_name = "PX", help_heading = "Motion")]
+    #[arg(long, value_name = "PX", help_heading = "Motion", hide_short_help = true)]
     pub sigma: Option<String>,
     /// Greatest corner displacement of a smooth motion, roughly, px [default: 30]
     #[arg(long, value_name = "PX", help_heading = "Motion", hide_short_help = true)]
@@ -101,14 +101,14 @@ pub struct SynthArgs {
     /// Greatest magnification, a factor; its inverse is the least
     #[arg(long, value_name = "F", help_heading = "Motion", hide_short_help = true)]
     pub zoom: Option<String>,
-    /// Amplitude of shear and of half the logarithm of the aspect ratio, without unit
+    /// Amplitude of shear and of half the logarithm of the aspect ratio, a plain number
     #[arg(long, value_name = "F", help_heading = "Motion", hide_short_help = true)]
     pub stretch: Option<String>,
     /// Perspective amplitude: change of depth across the box, as a share of the depth
     #[arg(long, value_name = "F", help_heading = "Motion", hide_short_help = true)]
     pub tilt: Option<String>,
     /// Bend the object like a page: shift of its points within its plane, px; writes dense ground truth [default: 0]
-    #[arg(long, value_name = "PX", help_heading = "Motion")]
+    #[arg(long, value_name = "PX", help_heading = "Motion", hide_short_help = true)]
     pub bend: Option<String>,
     /// Let corners leave the frame (otherwise the motion is scaled down until they stay inside)
     #[arg(long, help_heading = "Motion", hide_short_help = true)]
@@ -125,7 +125,7 @@ pub struct SynthArgs {
     #[arg(long, value_name = "F", help_heading = "Effects")]
     pub blur: Option<String>,
     /// Greatest share of the object covered by patches that cross it [default: 0]
-    #[arg(long, value_name = "F", help_heading = "Effects")]
+    #[arg(long, value_name = "F", help_heading = "Effects", hide_short_help = true)]
     pub occlude: Option<String>,
 
     /// Frame size, px [default: 320x240]

@@ -26,7 +26,8 @@ const HEIGHT: u32 = 480;
 /// Space around the axes, in CSS pixels.
 const ABOVE: u32 = 84;
 const BELOW: u32 = 52;
-const LEFT: u32 = 68;
+const LEFT: u32 = 60;
+const MARGIN: u32 = 14;
 /// Least distance of two names, in CSS pixels.
 const LINE: i32 = 22;
 /// Characters of a name that fit beside the plot.
@@ -258,7 +259,7 @@ impl Axis {
         let what = "alignment error threshold (px";
         match self {
             Axis::Linear(LOST_PX) => format!("{what})"),
-            Axis::Linear(end) => format!("{what}; little changes from {end} to {LOST_PX})"),
+            Axis::Linear(end) => format!("{what}; named lines change little from {end} to {LOST_PX})"),
             Axis::Logarithmic => format!("{what}, logarithmic)"),
         }
     }
@@ -312,6 +313,7 @@ fn draw(
     let (plot, _) = root.split_horizontally(PLOT_WIDTH * SCALE);
     let mut chart = ChartBuilder::on(&plot)
         .margin_top(ABOVE * SCALE)
+        .margin_left(MARGIN * SCALE)
         .x_label_area_size(BELOW * SCALE)
         .y_label_area_size(LEFT * SCALE)
         .build_cartesian_2d(across, 0.0..1.0)?;
@@ -377,8 +379,8 @@ fn draw(
             (x + 30 * s, place),
             (x + 38 * s, place),
         ];
-        root.draw(&PathElement::new(way, colour.stroke_width(SCALE)))?;
-        let style = anchored(13, left, VPos::Center).color(&colour);
+        root.draw(&PathElement::new(way, colour.stroke_width(SCALE * 2)))?;
+        let style = anchored(13, left, VPos::Center);
         root.draw_text(&short(curve.auc, 3), &style, (x + 42 * s, place))?;
         root.draw_text(&shorten(&curve.name, LABEL), &style, (x + 84 * s, place))?;
     }
@@ -475,7 +477,7 @@ mod tests {
         );
         assert_eq!(Axis::of(&[]), Axis::Linear(20.0));
         let svg = curves_svg(&[rises(0.4)], "", "").unwrap();
-        assert!(svg.contains("little changes from 2 to 20"), "{svg}");
+        assert!(svg.contains("named lines change little from 2 to 20"), "{svg}");
         let svg = curves_svg(&[rises(0.4), rises(0.6), rises(9.0)], "", "").unwrap();
         assert!(svg.contains("logarithmic"), "{svg}");
     }
