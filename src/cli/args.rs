@@ -94,9 +94,9 @@ pub struct ExperimentArgs {
     pub selection: SelectionArgs,
     /// Where trackers start: ope, subseq, reinit, every [default: ope]
     ///
-    /// Comma separated: ope, subseq[:n], reinit[:thresh:skip], every[:k]. ope: on the first frame, one pass. subseq[:n]: on n frames, a pass from each to the end; 10.
-    /// reinit[:thresh:skip]: anew, skip frames after an error above thresh px or no output; 20:5. every[:k]: anew every k
-    /// frames; 10.
+    /// Comma separated: ope, subseq[:n], reinit[:thresh:skip], every[:k]. ope: on the first frame, one pass. subseq: on n
+    /// frames (10), a pass from each to the end. reinit: anew, skip frames (5) after an error above thresh px (20) or no
+    /// output. every: anew every k frames (10).
     #[arg(long, value_name = "LIST", help_heading = "Frames")]
     pub protocol: Option<Protocols>,
     /// Seed of all randomness [default: 0]

@@ -19,10 +19,11 @@ use std::process::ExitCode;
 /// Compare runs: what changed, and whether it is more than chance
 ///
 /// First what is equal to the last digit, tracker by tracker and sequence by sequence. For each tracker that changed: the
-/// figures (numbers such as the AUC) in both runs, the 95 % interval of their difference over sequences (a paired bootstrap) and `q`, the p value
-/// adjusted for the number of changed trackers and figures. `~` stands where the interval spans 0, `~ (q)` where the
-/// interval, which is of one change alone, leaves out 0 but q exceeds --fdr: other sequences might show the opposite.
-/// Trackers that differ by settings alone (--set max_iters=2) are compared with each other. Exit code 11: the runs have another protocol, other data or other thresholds.
+/// figures (numbers such as the AUC) in both runs, the 95 % interval of their difference over sequences (a paired
+/// bootstrap) and `q`, the p value adjusted for the number of changed trackers and figures. `~` stands where the interval
+/// spans 0, `~ (q)` where the interval, which is of one change alone, leaves out 0 but q exceeds --fdr: other sequences
+/// might show the opposite. Trackers that differ by settings alone (--set max_iters=2) are compared with each other. Exit
+/// code 11: the runs have another protocol, other data or other thresholds.
 ///
 /// --all-pairs ranks trackers instead. On each sequence the best has rank 1. Two trackers that share a letter do not differ:
 /// the p value of their difference over sequences, corrected for the number of pairs after Holm, exceeds --fdr.
