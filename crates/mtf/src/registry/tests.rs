@@ -361,7 +361,7 @@ fn numbers_beyond_reason_are_refused_with_their_bounds() {
 
 #[test]
 fn numbers_that_are_no_counts_have_units() {
-    const WORDS: [&str; 13] = [
+    const WORDS: [&str; 14] = [
         "px",
         "gray level",
         "share",
@@ -374,6 +374,7 @@ fn numbers_that_are_no_counts_have_units() {
         "alpha",
         "multiple",
         "0 not at all",
+        "model's scale",
         "kernel",
     ];
     let r = Registry::builtin();
