@@ -38,6 +38,7 @@ mod runs;
 mod same_bytes;
 mod sweep;
 mod synth;
+mod top;
 mod trackers;
 mod truth;
 mod words;
@@ -80,6 +81,7 @@ fn main() -> std::process::ExitCode {
         same_bytes::TESTS,
         sweep::TESTS,
         synth::TESTS,
+        top::TESTS,
         trackers::TESTS,
         truth::TESTS,
         words::TESTS,

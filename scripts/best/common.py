@@ -55,6 +55,8 @@ def track(program, folder, tracker="best", max_frames=None, threads=1, constants
                 "error": float(row["al_mean"]),
             }
         for row in read("timing.csv"):
+            if row["sequence"] == "pooled":
+                continue
             figures[row["sequence"]]["ms"] = 1e3 * float(row["seconds"]) / int(row["frames"])
         frames = sum(f["frames"] for f in figures.values())
         return {n: f | {"cpu_ms": 1e3 * seconds / frames} for n, f in figures.items()}

@@ -3,13 +3,14 @@
 use super::console::Console;
 use super::exit::Failure;
 use super::values::{
-    assignment, at_least_one, at_least_two, channels, duration, non_negative, positive, resolution, size,
-    threads,
+    assignment, at_least_one, at_least_two, channels, duration, frame_time, non_negative, positive,
+    resolution, size, threads,
 };
 use crate::dataset::{BoxForm, Depth16, Origin, Reading, TruthRows};
+use crate::judge::ranking::{Group, Part, Pick, figure, parse_sort};
 use crate::metric::MetricSet;
 use crate::plan::{Protocols, Shard};
-use crate::report::{Format, TableOptions, parse_sort};
+use crate::report::{Format, TableOptions};
 use clap::{Args, ValueEnum};
 use mtf::params::Resolution;
 use std::path::PathBuf;
@@ -319,6 +320,53 @@ pub struct TableArgs {
     /// How many trackers to show (0: all)
     #[arg(long, value_name = "N", default_value = "20")]
     pub top: usize,
+    /// Which trackers, and figures by group.
+    #[command(flatten)]
+    pub pick: PickArgs,
+}
+
+/// Which trackers of a table, and figures by group.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Output")]
+pub struct PickArgs {
+    /// Figures by group besides: by tag or sequence a table of trackers x groups, and the best tracker of each group
+    #[arg(long, value_name = "GROUP")]
+    pub by: Option<Group>,
+    /// Only the best tracker of each search method, appearance model, ...
+    #[arg(long, value_name = "PART")]
+    pub best_per: Option<Part>,
+    /// Only trackers that no other beats in both accuracy and speed
+    #[arg(long, value_name = "SPEED")]
+    pub pareto: Option<Speed>,
+    /// Only trackers whose mean time per frame is below this, such as 2ms or 60fps
+    #[arg(long, value_name = "TIME", value_parser = frame_time)]
+    pub under: Option<f64>,
+}
+
+/// A figure of speed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Speed {
+    /// Frames per second, without reading frames
+    Fps,
+}
+
+impl PickArgs {
+    /// What is asked for of a table of `metrics` that is sorted by `sort`.
+    ///
+    /// # Errors
+    /// Its figure cannot be had by group.
+    pub fn pick(&self, metrics: &MetricSet, sort: &str) -> Result<Pick, Failure> {
+        if let Some((by, figure)) = self.by.zip(figure(metrics, sort)) {
+            by.takes(figure)
+                .map_err(|e| Failure::usage(format!("--by {}: {e}", by.word())))?;
+        }
+        Ok(Pick {
+            best_per: self.best_per,
+            pareto: self.pareto.is_some(),
+            under: self.under,
+            by: self.by,
+        })
+    }
 }
 
 impl TableArgs {
@@ -327,12 +375,14 @@ impl TableArgs {
     /// # Errors
     /// There is no such column to sort by.
     pub fn options(&self, metrics: &MetricSet, console: &Console) -> Result<TableOptions, Failure> {
+        let sort = parse_sort(metrics, &self.sort).map_err(|e| Failure::usage(format!("--sort: {e}")))?;
         Ok(TableOptions {
             format: self.format,
-            sort: parse_sort(metrics, &self.sort).map_err(|e| Failure::usage(format!("--sort: {e}")))?,
             top: self.top,
             colour: console.table_colour,
             pretty: console.pretty,
+            pick: self.pick.pick(metrics, &sort)?,
+            sort,
         })
     }
 }

@@ -4,7 +4,7 @@ use super::args::Messages;
 use super::console::print;
 use super::exit::{self, Failure, Outcome};
 use super::program::Program;
-use super::{basin, bench, check, compare, data, diagnose, list, merge, plan, run, status, synth};
+use super::{basin, bench, check, compare, data, diagnose, list, merge, plan, plot, run, status, synth, top};
 use clap::{CommandFactory, Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -31,8 +31,12 @@ pub enum Command {
     Plan(Box<plan::PlanArgs>),
     /// Say how far a run directory is: exit 0 complete, 20 something failed, 21 something is missing
     Status(status::StatusArgs),
-    /// Join the run directories of shards into one: exit 21 and nothing written when one is incomplete
+    /// Join the run directories of shards, or of different runs, into one: exit 21 and nothing written when one is incomplete
     Merge(merge::MergeArgs),
+    /// The best trackers of one or several runs, finished or not
+    Top(top::TopArgs),
+    /// Draw the success plot of one or several runs
+    Plot(plot::PlotArgs),
     /// Compare a run with a recorded baseline: exit 0 or 10
     Check(check::CheckArgs),
     /// Compare runs: what changed, and whether it is more than chance
@@ -68,6 +72,8 @@ pub fn dispatch(command: Command, program: &Program) -> Outcome {
         Command::Plan(args) => plan::run(&args, program),
         Command::Status(args) => status::run(&args, program),
         Command::Merge(args) => merge::run(&args, program),
+        Command::Top(args) => top::run(&args, program),
+        Command::Plot(args) => plot::run(&args, program),
         Command::List(args) => list::run(&args, program),
         Command::Data(args) => data::run(&args, program).or_else(exit::of_chain),
         Command::Check(args) => {

@@ -16,13 +16,13 @@ use clap::ValueEnum;
 use globset::{GlobBuilder, GlobSet, GlobSetBuilder};
 use mtf::image::{PreProcessor, parse_preprocessor};
 use mtf::registry::{
-    DEFAULT_AM, DEFAULT_SM, DEFAULT_SSM, Refusal, Registry, Selection, SpecError, TrackerSpec,
+    DEFAULT_AM, DEFAULT_SM, DEFAULT_SSM, Refusal, Registry, Selection, SpecError, TrackerSpec, hint, suggest,
 };
 use mtf::ssm;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 /// The request of an experiment, but for how and where it is run. `command` is what to record of how it was asked for.
@@ -353,8 +353,14 @@ pub struct Chosen {
 /// Data that cannot be read, nothing that passes.
 pub fn sequences(data: &[PathBuf], args: &SelectionArgs, program: &Program) -> Result<Chosen, Failure> {
     let names = globs("--seq", &args.seq)?;
+    // Sequences of each tag that there is.
+    let known: Mutex<BTreeMap<String, usize>> = Mutex::default();
     let wanted = |label: &Label<'_>| {
         let id = format!("{}/{}", label.dataset, label.name);
+        let mut known = known.lock().unwrap_or_else(|e| e.into_inner());
+        for tag in label.tags {
+            *known.entry(tag.clone()).or_default() += 1;
+        }
         let named = args.seq.is_empty() || names.is_match(label.name) || names.is_match(&id);
         let tagged = |tag: &String| label.tags.iter().any(|t| t.eq_ignore_ascii_case(tag));
         named && (args.tag.is_empty() || args.tag.iter().any(tagged))
@@ -385,6 +391,11 @@ pub fn sequences(data: &[PathBuf], args: &SelectionArgs, program: &Program) -> R
         chosen.sequences.extend(set.sequences);
         chosen.left_out.extend(set.left_out);
     }
+    let known = known.into_inner().unwrap_or_else(|e| e.into_inner());
+    let unknown = |tag: &&String| !known.keys().any(|k| k.eq_ignore_ascii_case(tag));
+    if let Some(tag) = args.tag.iter().find(unknown) {
+        return Err(Failure::new(exit::NOTHING, no_tag(tag, &known)));
+    }
     if chosen.sequences.is_empty() {
         return Err(Failure::new(
             exit::NOTHING,
@@ -392,6 +403,21 @@ pub fn sequences(data: &[PathBuf], args: &SelectionArgs, program: &Program) -> R
         ));
     }
     Ok(chosen)
+}
+
+/// There is no such tag; what there is, with the number of sequences of each.
+fn no_tag(tag: &str, known: &BTreeMap<String, usize>) -> String {
+    let hint = hint(suggest(tag, known.keys().map(String::as_str)).as_deref());
+    let list: Vec<String> = known.iter().map(|(tag, n)| format!("{tag} ({n})")).collect();
+    match list.is_empty() {
+        true => format!(
+            "no sequence has the tag '{tag}', nor any other: tags are words in tags.txt beside the frames"
+        ),
+        false => format!(
+            "no sequence has the tag '{tag}'{hint}; tags and their sequences: {}",
+            list.join(", ")
+        ),
+    }
 }
 
 /// Tells which sequences are left out and what is left out of others, a line each; and in one line what looks wrong.

@@ -2,7 +2,7 @@
 
 use super::args::TruthArgs;
 use super::console::print;
-use super::exit::{Failure, Outcome};
+use super::exit::{self, Failure, Outcome};
 use super::experiment::warn_of;
 use super::program::Program;
 use crate::catalogue::Catalogue;
@@ -28,12 +28,57 @@ pub struct ListArgs {
     /// JSON is on one line; --pretty indents it.
     #[arg(long, value_name = "FORMAT", default_value = "table")]
     pub format: Format,
+    /// Only rows with this text in one of their cells, whatever its capitals
+    #[arg(long, value_name = "TEXT")]
+    pub grep: Option<String>,
+    /// Parts of trackers, with `list trackers` and `list params`.
+    #[command(flatten)]
+    pub parts: PartsArgs,
     /// Data to list, with `list data` [default: the embedded data set]
     #[arg(long = "data", value_name = "DIR")]
     pub data: Vec<PathBuf>,
     /// Which frames rows of ground truth are for.
     #[command(flatten)]
     pub truth: TruthArgs,
+}
+
+/// Parts that listed trackers and parameters are of.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Trackers and parameters")]
+pub struct PartsArgs {
+    /// Only these search methods: names or groups, comma separated, as in `run`
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub sm: Vec<String>,
+    /// Only these appearance models
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub am: Vec<String>,
+    /// Only these state space models
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub ssm: Vec<String>,
+    /// Only these illumination models
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub ilm: Vec<String>,
+}
+
+impl PartsArgs {
+    fn lists(&self) -> [(&'static str, &Vec<String>); 4] {
+        [
+            ("sm", &self.sm),
+            ("am", &self.am),
+            ("ssm", &self.ssm),
+            ("ilm", &self.ilm),
+        ]
+    }
+
+    /// Whether parameters of `model` of the family `tag` are asked for: all, if no part is.
+    fn has(&self, tag: &str, model: &str) -> bool {
+        let named = |names: &Vec<String>| names.iter().any(|name| name.eq_ignore_ascii_case(model));
+        let none = self.lists().iter().all(|(_, names)| names.is_empty());
+        none || self
+            .lists()
+            .iter()
+            .any(|(family, names)| *family == tag && named(names))
+    }
 }
 
 /// What can be listed.
@@ -70,18 +115,52 @@ struct Listing {
     note: String,
 }
 
+impl Listing {
+    /// Keeps the rows with `text` in one of their cells, and says how many those are.
+    fn keep(&mut self, text: &str) {
+        let (all, text_) = (self.rows.len(), text.to_lowercase());
+        self.rows
+            .retain(|row| row.iter().any(|cell| cell.to_lowercase().contains(&text_)));
+        self.note = format!(
+            "\n{} of {all} {} have the text '{text}'\n",
+            self.rows.len(),
+            self.title
+        );
+    }
+}
+
 /// Prints what `args` asks for.
 ///
 /// # Errors
 /// Data that cannot be read; stdout cannot be written to.
 pub fn run(args: &ListArgs, program: &Program) -> Outcome {
-    let listings = match args.what {
+    let takes_parts = matches!(args.what, Some(ListWhat::Trackers | ListWhat::Params));
+    let given = args
+        .parts
+        .lists()
+        .into_iter()
+        .find(|(_, names)| !names.is_empty());
+    if let Some((part, _)) = given.filter(|_| !takes_parts) {
+        return Err(Failure::usage(format!(
+            "--{part} is for `list trackers` and `list params`; --grep TEXT is for every list"
+        )));
+    }
+    let mut listings = match args.what {
         Some(what) => vec![listing(what, program, args)?],
         None => [ListWhat::Sm, ListWhat::Am, ListWhat::Ssm, ListWhat::Ilm]
             .into_iter()
             .map(|what| listing(what, program, args))
             .collect::<Result<_, _>>()?,
     };
+    if let Some(text) = &args.grep {
+        listings.iter_mut().for_each(|listing| listing.keep(text));
+        if listings.iter().all(|listing| listing.rows.is_empty()) {
+            return Err(Failure::new(
+                exit::NOTHING,
+                format!("no row has the text '{text}'"),
+            ));
+        }
+    }
     let table = |l: &Listing| render(&l.header, &l.rows, args.format, false);
     let text = match (args.format, listings.as_slice()) {
         (Format::Json, [one]) => program.console.json(&json(one)),
@@ -207,15 +286,19 @@ fn listing(what: ListWhat, program: &Program, args: &ListArgs) -> Result<Listing
             )
         }
         ListWhat::Trackers => {
-            let all = || vec!["all".to_owned()];
-            let everything = Selection {
-                sm: all(),
-                am: all(),
-                ssm: all(),
-                ilm: all(),
+            let or_all = |names: &Vec<String>| match names.is_empty() {
+                true => vec!["all".to_owned()],
+                false => names.clone(),
+            };
+            let PartsArgs { sm, am, ssm, ilm } = &args.parts;
+            let wanted = Selection {
+                sm: or_all(sm),
+                am: or_all(am),
+                ssm: or_all(ssm),
+                ilm: or_all(ilm),
                 ..Selection::default()
             };
-            let expansion = registry.expand(&everything).map_err(Failure::usage)?;
+            let expansion = registry.expand(&wanted).map_err(Failure::usage)?;
             let valid = expansion
                 .specs
                 .iter()
@@ -229,7 +312,9 @@ fn listing(what: ListWhat, program: &Program, args: &ListArgs) -> Result<Listing
             )
         }
         ListWhat::Params => {
-            let rows = registry.params().into_iter().map(|(tag, model, info)| {
+            let params = registry.params().into_iter();
+            let wanted = params.filter(|(tag, model, _)| args.parts.has(tag, model));
+            let rows = wanted.map(|(tag, model, info)| {
                 let name = format!("{tag}.{model}.{}", info.name);
                 let paper = info.paper.as_ref().map_or("", |p| p.value.as_str());
                 row(&[&name, &info.default, paper, &info.allowed, info.doc])

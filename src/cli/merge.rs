@@ -1,4 +1,4 @@
-//! `mtf-eval merge`: joins the run directories of shards.
+//! `mtf-eval merge`: joins the run directories of shards, or of different runs.
 
 use super::args::TableArgs;
 use super::exit::{self, Failure, Outcome};
@@ -13,12 +13,17 @@ use std::path::PathBuf;
 /// Arguments of `merge`.
 #[derive(clap::Args, Clone, Debug)]
 pub struct MergeArgs {
-    /// The run directory to make; shards merged into it before are kept
+    /// The run directory to make; what was merged into it before is kept
     #[arg(value_name = "OUT")]
     pub out: PathBuf,
-    /// Run directories of shards, in any order
+    /// Run directories, in any order: shards of one run, or with --union runs of different trackers, sequences or protocols
     #[arg(value_name = "SHARD", required = true)]
     pub shards: Vec<PathBuf>,
+    /// Join finished runs of different trackers, sequences or protocols, of the same settings, seed and filter. Every unit
+    /// stays what it is, and none is made up: a tracker has rows for the sequences and protocols that it was run on. A unit
+    /// that two runs have must have the same result in both
+    #[arg(long)]
+    pub union: bool,
     /// Discard what OUT holds
     #[arg(long)]
     pub force: bool,
@@ -46,6 +51,7 @@ pub fn run(args: &MergeArgs, program: &Program) -> Outcome {
     let request = MergeRequest {
         parts: args.shards.clone(),
         out: args.out.clone(),
+        union: args.union,
         force: args.force,
         mix_builds: args.mix_builds,
         metrics: catalogue.metrics.clone(),

@@ -18,6 +18,7 @@ mod experiment;
 mod list;
 mod merge;
 mod plan;
+mod plot;
 mod program;
 mod progress;
 mod recorded;
@@ -25,6 +26,7 @@ mod run;
 mod signals;
 mod status;
 pub mod synth;
+mod top;
 mod values;
 
 use crate::catalogue::Catalogue;

@@ -83,6 +83,29 @@ pub fn duration(text: &str) -> Result<Duration, String> {
         .ok_or_else(|| "expected a time such as 90, 90s, 15m or 2h".into())
 }
 
+/// The time of a frame, s: a time with its unit, or frames per second.
+pub fn frame_time(text: &str) -> Result<f64, String> {
+    let text = text.trim().to_ascii_lowercase();
+    let seconds = match text.strip_suffix("fps") {
+        Some(rate) => rate.trim().parse().ok().map(|rate: f64| 1.0 / rate),
+        // Numbers without a unit are refused: seconds and milliseconds are both usual.
+        None => {
+            let at = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
+            let scale = match &text[at..] {
+                "us" => Some(1e-6),
+                "ms" => Some(1e-3),
+                "s" => Some(1.0),
+                _ => None,
+            };
+            let number = text[..at].trim().parse().ok();
+            scale.and_then(|scale| number.map(|n: f64| n * scale))
+        }
+    };
+    seconds
+        .filter(|s| s.is_finite() && *s > 0.0)
+        .ok_or_else(|| "expected a time per frame such as 2ms or 500us, or a rate such as 60fps".into())
+}
+
 /// Bytes; K, M, G and T are powers of 1024.
 pub fn size(text: &str) -> Result<u64, String> {
     let parser = parse_size::Config::new().with_binary();
@@ -132,6 +155,22 @@ mod tests {
         }
         for bad in ["", "m", "-1", "3x", "nan", "inf", "1e300"] {
             assert!(duration(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn times_of_frames_have_units() {
+        for (text, seconds) in [
+            ("2ms", 0.002),
+            ("0.5 ms", 0.0005),
+            ("500us", 0.0005),
+            ("1s", 1.0),
+            ("50FPS", 0.02),
+        ] {
+            assert!((frame_time(text).unwrap() - seconds).abs() < 1e-12, "{text}");
+        }
+        for bad in ["", "2", "ms", "-1ms", "0fps", "fps", "2m", "nanms", "inf ms"] {
+            assert!(frame_time(bad).is_err(), "{bad}");
         }
     }
 

@@ -579,7 +579,7 @@ fn change(
 }
 
 /// A figure of a sequence over all its start frames.
-fn side<'a>(scores: impl Iterator<Item = &'a Score>, figure: &Figure, average: Average) -> Side {
+pub(super) fn side<'a>(scores: impl Iterator<Item = &'a Score>, figure: &Figure, average: Average) -> Side {
     let mut side = Side::default();
     for score in scores {
         let (weight, value) = (figure.weight(score), score[figure.name.as_str()]);

@@ -89,6 +89,18 @@ impl Difference {
     }
 }
 
+/// 95 % interval of a figure over `sides`, a sequence each, as [`difference`] has it of differences; NaN with fewer than two
+/// sequences.
+pub fn interval_of(sides: &[Side], resamples: usize, seed: u64) -> [f64; 2] {
+    // Its difference from 0 over the same frames.
+    let pair = |side: &Side| Pair {
+        a: Side::new(side.weight, 0.0),
+        b: *side,
+    };
+    let pairs: Vec<Pair> = sides.iter().map(pair).collect();
+    interval(&pairs, resamples, &mut Pcg64::seed_from_u64(seed))
+}
+
 /// Sequences that differ up to which all sign patterns are gone through.
 const EXACT: usize = 13;
 /// Sign patterns drawn at most otherwise, which bounds how small a p value gets.
@@ -245,6 +257,15 @@ mod tests {
         assert_eq!(difference(&pairs(&[0.125; 10]), 100, 0).unwrap().p, 2.0 / 1024.0);
         let many = difference(&pairs(&[0.125; 40]), 100, 0).unwrap();
         assert!(many.p < 2e-5 && many.excludes_zero() && many.interval == [0.125; 2]);
+    }
+
+    #[test]
+    fn a_figure_has_an_interval_of_its_own() {
+        let sides = [0.2, 0.4, 0.9].map(|figure| Side::new(10.0, figure));
+        let [low, high] = interval_of(&sides, 1000, 0);
+        assert!(0.2 <= low && low < 0.5 && 0.5 < high && high <= 0.9);
+        assert_eq!(interval_of(&[Side::new(3.0, 0.5); 4], 1000, 0), [0.5; 2]);
+        assert!(interval_of(&sides[..1], 1000, 0)[0].is_nan());
     }
 
     #[test]

@@ -185,6 +185,8 @@ pub struct Results {
     pub summary: Vec<SummaryRow>,
     /// Per tracker and protocol: the pooled curve of every metric, then the alignment error's of each sequence.
     pub curves: Vec<CurveRow>,
+    /// Tags of the sequences that have some, by `dataset/sequence`.
+    pub tags: BTreeMap<String, Vec<String>>,
 }
 
 impl Results {
@@ -202,6 +204,13 @@ impl Results {
                 .then_with(|| a.tracker.cmp(&b.tracker))
         });
         rows
+    }
+
+    /// Tags of a sequence.
+    pub fn tags_of(&self, dataset: &str, sequence: &str) -> &[String] {
+        self.tags
+            .get(&format!("{dataset}/{sequence}"))
+            .map_or(&[], Vec::as_slice)
     }
 
     /// Units that failed to run.
@@ -322,6 +331,7 @@ impl Results {
         self.sequences.extend(other.sequences);
         self.summary.extend(other.summary);
         self.curves.extend(other.curves);
+        self.tags.extend(other.tags);
     }
 }
 

@@ -209,7 +209,7 @@ pub static FIGURES: [Row; 9] = [
 ];
 
 /// Names that are columns of some file already.
-pub(super) const RESERVED: [&str; 25] = [
+pub(super) const RESERVED: [&str; 27] = [
     "average",
     "dataset",
     "failed",
@@ -235,6 +235,8 @@ pub(super) const RESERVED: [&str; 25] = [
     "threshold",
     "success_rate",
     "command",
+    "fps",
+    "tags",
 ];
 
 impl Row {

@@ -72,6 +72,21 @@ impl DataNotes {
         }
     }
 
+    /// With what is known of another run's data, each note once.
+    pub(super) fn join(&mut self, other: &DataNotes) {
+        for (list, more) in [
+            (&mut self.left_out, &other.left_out),
+            (&mut self.repaired, &other.repaired),
+            (&mut self.doubtful, &other.doubtful),
+            (&mut self.noted, &other.noted),
+        ] {
+            let new = more.iter().filter(|note| !list.contains(note));
+            let new: Vec<DataNote> = new.cloned().collect();
+            list.extend(new);
+            list.sort_by(|a, b| (&a.dataset, &a.sequence).cmp(&(&b.dataset, &b.sequence)));
+        }
+    }
+
     /// What stands below each table of the run; `None` when all data was read as it stands.
     pub fn line(&self) -> Option<String> {
         let part = |notes: &[DataNote], what: &str| {

@@ -11,6 +11,7 @@ mod seed;
 mod shard;
 mod spread;
 mod tracker;
+mod union;
 mod units;
 
 pub use data_notes::{DataNote, DataNotes};
@@ -24,4 +25,5 @@ pub use seed::derived_seed;
 pub use shard::{Cut, Shard, ShardError, Sharding};
 pub(crate) use spread::spread;
 pub use tracker::{Make, TrackerEntry};
+pub use union::Joined;
 pub use units::{FrameLogs, Plan, PlannedSequence, PlannedTracker, RUN_FORMAT_VERSION, Unit};

@@ -345,6 +345,7 @@ impl RunRequest {
                 frames: sequence.len(),
                 starts,
                 fingerprint,
+                tags: sequence.tags().to_vec(),
             });
             sequences.push(sequence);
         }
@@ -372,6 +373,7 @@ impl RunRequest {
             metrics: self.metrics.added_names(),
             data: self.data_notes.clone(),
             about: self.about.clone(),
+            joined: Vec::new(),
             trackers: trackers.iter().map(describe).collect(),
             sequences: planned,
         };

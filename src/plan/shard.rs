@@ -203,6 +203,7 @@ mod tests {
             frame_logs: FrameLogs::Csv,
             metrics: Vec::new(),
             about: Map::new(),
+            joined: Vec::new(),
             trackers: (0..trackers)
                 .map(|k| PlannedTracker {
                     id: format!("t{k:04}"),
@@ -222,6 +223,7 @@ mod tests {
                     frames,
                     starts: vec![starts.to_vec()],
                     fingerprint: String::new(),
+                    tags: Vec::new(),
                 })
                 .collect(),
         }

@@ -7,6 +7,7 @@ use super::data_notes::DataNotes;
 use super::keys::{UnitKey, UnitKeys};
 use super::protocol::{Protocol, Protocols};
 use super::seed::derived_seed;
+use super::union::Joined;
 use crate::metric::aggregate::TrackerName;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -98,6 +99,9 @@ pub struct PlannedSequence {
     pub starts: Vec<Vec<u32>>,
     /// Hash of ground truth, names and contents of the frames.
     pub fingerprint: String,
+    /// What it is said to be hard by.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tags: Vec<String>,
 }
 
 impl PlannedSequence {
@@ -133,6 +137,9 @@ pub struct Plan {
     /// What else is recorded about data and settings; says nothing about results that the rest does not.
     #[serde(flatten)]
     pub about: Map<String, Value>,
+    /// The runs that it is a [union](Self::union) of; empty when every tracker is run on every sequence under every protocol.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub joined: Vec<Joined>,
     /// By id.
     pub trackers: Vec<PlannedTracker>,
     /// By data set and name.
@@ -140,7 +147,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The units of one tracker (the first), in the order of [`units`](Self::units).
+    /// The units of a tracker that is run on everything (the first), in the order of [`units`](Self::units).
     pub fn passes(&self) -> Vec<Unit> {
         let mut passes = Vec::new();
         for course in 0..self.protocol.len() {
@@ -163,7 +170,10 @@ impl Plan {
 
     /// Number of units.
     pub fn len(&self) -> usize {
-        self.trackers.len() * self.passes().len()
+        match self.joined.is_empty() {
+            true => self.trackers.len() * self.passes().len(),
+            false => self.units().count(),
+        }
     }
 
     /// No units.
@@ -173,27 +183,33 @@ impl Plan {
 
     /// Frames that all units go through together.
     pub fn frames(&self) -> u64 {
-        let frames = self
-            .passes()
-            .iter()
-            .map(|unit| self.unit_frames(unit))
-            .sum::<u64>();
-        self.trackers.len() as u64 * frames
+        let frames = |units: &mut dyn Iterator<Item = Unit>| units.map(|unit| self.unit_frames(&unit)).sum();
+        match self.joined.is_empty() {
+            true => self.trackers.len() as u64 * frames(&mut self.passes().into_iter()),
+            false => frames(&mut self.units()),
+        }
     }
 
     /// The units: by tracker id, course, data set, sequence, start.
-    pub fn units(&self) -> impl Iterator<Item = Unit> + use<> {
+    pub fn units(&self) -> impl Iterator<Item = Unit> {
         let passes = std::rc::Rc::new(self.passes());
-        (0..self.trackers.len() as u32).flat_map(move |tracker| {
+        let all = (0..self.trackers.len() as u32).flat_map(move |tracker| {
             let passes = std::rc::Rc::clone(&passes);
             (0..passes.len()).map(move |k| Unit { tracker, ..passes[k] })
+        });
+        let protocols = 0..self.protocol.len();
+        all.filter(move |unit| {
+            self.joined.is_empty() || protocols.clone().any(|index| self.belongs(unit, index))
         })
     }
 
     /// Whether the unit belongs to protocol number `index`.
     pub fn belongs(&self, unit: &Unit, index: usize) -> bool {
         let starts = &self.sequences[unit.sequence as usize].starts[index];
-        self.protocol.course(index) == unit.course as usize && starts.binary_search(&unit.start).is_ok()
+        let planned =
+            self.protocol.course(index) == unit.course as usize && starts.binary_search(&unit.start).is_ok();
+        let run = |joined: &Joined| joined.has(unit.tracker, unit.sequence, index as u32);
+        planned && (self.joined.is_empty() || self.joined.iter().any(run))
     }
 
     /// What happens to the unit's tracker after its start.
@@ -240,7 +256,7 @@ impl Plan {
     }
 
     /// What every unit depends on: name and value.
-    fn settings(&self) -> [(&'static str, String); 5] {
+    pub(super) fn settings(&self) -> [(&'static str, String); 5] {
         [
             ("schema version", self.schema_version.to_string()),
             ("version", self.version.clone()),
@@ -367,6 +383,7 @@ impl Plan {
         }
         by("tracker", trackers(self), trackers(other))
             .or_else(|| by("sequence", sequences(self), sequences(other)))
+            .or_else(|| (self.joined != other.joined).then(|| "a union of other runs".to_owned()))
     }
 }
 
@@ -391,6 +408,7 @@ mod tests {
             frames: 40,
             starts: vec![vec![0, 10, 20]],
             fingerprint: String::new(),
+            tags: Vec::new(),
         };
         Plan {
             schema_version: 1,
@@ -403,6 +421,7 @@ mod tests {
             metrics: Vec::new(),
             data: DataNotes::default(),
             about: Map::new(),
+            joined: Vec::new(),
             trackers: ["a", "b"].map(tracker).to_vec(),
             sequences: [["d", "s"], ["d", "t"], ["e", "s"]].map(sequence).to_vec(),
         }

@@ -122,13 +122,11 @@ fn sequences(out: &mut dyn Write, results: &Results) -> io::Result<()> {
         ]
         .map(str::to_owned);
         let cells = tracker_cells(&r.tracker).chain(what).chain(score_cells(&r.score));
-        cells.chain([r.status.reason().to_owned()]).collect()
+        let tags = results.tags_of(&r.dataset, &r.sequence).join(" ");
+        cells.chain([r.status.reason().to_owned(), tags]).collect()
     });
-    write_rows(
-        out,
-        header.chain(score_columns(&results.metrics)).chain(["reason"]),
-        rows,
-    )
+    let columns = score_columns(&results.metrics);
+    write_rows(out, header.chain(columns).chain(["reason", "tags"]), rows)
 }
 
 /// The rows of `summary.csv` for some trackers.

@@ -12,6 +12,7 @@ mod json;
 mod junit;
 mod plot;
 mod problems;
+mod standings;
 mod table;
 pub mod text;
 
@@ -21,7 +22,8 @@ pub use exporter::{About, EXPORTERS, Exporter, ExporterError, Exporters};
 pub use junit::junit;
 pub use plot::{NamedCurve, curves_svg, success_curves, success_subject, success_svg};
 pub use problems::with_frames;
-pub use table::{Format, TableOptions, json_text, parse_sort, render, sort_keys, table};
+pub use standings::top;
+pub use table::{Format, TableOptions, json_text, render, table};
 
 /// A picture or report could not be made.
 #[derive(Debug, thiserror::Error)]

@@ -1,13 +1,11 @@
 //! What goes to standard output: aligned tables, Markdown, CSV and JSON.
 
 use super::text::{BOLD, PLAIN};
-use super::{csv, text};
-use crate::metric::MetricSet;
+use super::{csv, standings, text};
+use crate::judge::ranking::{Entrant, FPS, Field, Pick, Speeds, are_of_the_same, figure, ranked};
 use crate::metric::aggregate::{Results, SummaryRow};
 use crate::store::summary;
 use comfy_table::{CellAlignment, Table as Grid, presets};
-use mtf::registry::{hint, suggest};
-use std::collections::BTreeMap;
 
 /// Form of what is printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -28,14 +26,16 @@ pub enum Format {
 pub struct TableOptions {
     /// Form.
     pub format: Format,
-    /// One of [`sort_keys`]; best first. Anything else sorts as `auc` (see [`parse_sort`]).
+    /// One of the [`sort_keys`](crate::judge::ranking::sort_keys); best first. Anything else sorts as `auc`.
     pub sort: String,
     /// Trackers in `Table` and `Md`, 0 for all; `Csv` and `Json` are for machines and always complete.
     pub top: usize,
-    /// Bold header (ANSI) in `Table`.
+    /// Bold header and coloured bars (ANSI) in `Table`.
     pub colour: bool,
     /// Indented `Json` instead of one line.
     pub pretty: bool,
+    /// Which trackers, and figures by group.
+    pub pick: Pick,
 }
 
 impl Default for TableOptions {
@@ -46,85 +46,62 @@ impl Default for TableOptions {
             top: 20,
             colour: false,
             pretty: false,
+            pick: Pick::default(),
         }
     }
 }
 
-/// The sort key of frames per second.
-const FPS: &str = "fps";
-
-/// What [`TableOptions::sort`] accepts: the tracker's id, its speed or any figure.
-pub fn sort_keys(metrics: &MetricSet) -> impl Iterator<Item = &str> {
-    ["tracker", FPS]
-        .into_iter()
-        .chain(metrics.figures().iter().map(|f| f.name.as_str()))
-}
-
-/// Checks a sort key.
-///
-/// # Errors
-/// A message with the nearest valid key.
-pub fn parse_sort(metrics: &MetricSet, key: &str) -> Result<String, String> {
-    let key = key.to_ascii_lowercase();
-    if sort_keys(metrics).any(|k| k == key) {
-        return Ok(key);
-    }
-    let hint = hint(suggest(&key, sort_keys(metrics)).as_deref());
-    Err(format!(
-        "no column '{key}'{hint} (one of {})",
-        sort_keys(metrics).collect::<Vec<_>>().join(", ")
-    ))
-}
-
-/// Pooled rows, best first by `key`; ties by id. Trackers that are not in `speeds` are the slowest.
-fn ranked<'a>(results: &'a Results, speeds: &BTreeMap<String, f64>, key: &str) -> Vec<&'a SummaryRow> {
-    let mut rows = results.ranking();
-    match results.metrics.figure(key) {
-        _ if key == "tracker" => rows.sort_by(|a, b| a.tracker.cmp(&b.tracker)),
-        _ if key == FPS => {
-            let speed = |r: &SummaryRow| speeds.get(&r.tracker.id).copied().unwrap_or(0.0);
-            rows.sort_by(|a, b| speed(b).total_cmp(&speed(a)));
-        }
-        Some(figure) => rows.sort_by(|a, b| figure.better.order(a.score[key], b.score[key])),
-        None => {}
-    }
-    rows
-}
-
-/// What `run` prints on standard output, ending in a newline. `speeds` are frames per second by id of tracker: shown to people
-/// only when they are sorted by them, because all else that is printed is the same in every run.
-pub fn table(results: &Results, speeds: &BTreeMap<String, f64>, options: &TableOptions) -> String {
-    let rows = ranked(results, speeds, &options.sort);
+/// What `run` prints on standard output, ending in a newline. `speeds` are shown to people only when trackers are sorted or
+/// picked by them, because all else that is printed is the same in every run. `Csv` is one table: with figures by group,
+/// that of the groups.
+pub fn table(results: &Results, speeds: &Speeds, options: &TableOptions) -> String {
+    let field = Field {
+        name: "",
+        results,
+        speeds,
+    };
+    let rows = ranked(&[field], &options.sort, &options.pick);
+    let by = options.pick.by.zip(figure(&results.metrics, &options.sort));
     match options.format {
         Format::Json => {
-            let order: Vec<_> = rows.iter().map(|r| &r.tracker).collect();
-            json_text(&summary::document(results, &order), options.pretty)
+            let order: Vec<_> = rows.iter().map(|e| &e.row.tracker).collect();
+            let groups = by.map(|(by, figure)| standings::groups_json(&rows, by, figure));
+            json_text(&summary::document(results, &order, groups), options.pretty)
         }
-        Format::Csv => {
-            let both = rows.iter().flat_map(|p| {
-                let same = |r: &&SummaryRow| r.tracker == p.tracker && r.protocol == p.protocol;
-                results.summary.iter().filter(same)
-            });
-            let mut bytes = Vec::new();
-            // Writing to memory cannot fail.
-            let _ = csv::summary(&mut bytes, &results.metrics, both);
-            String::from_utf8(bytes).unwrap_or_default()
+        Format::Csv => match by {
+            Some((by, figure)) => standings::groups(&rows, by, figure, options),
+            None => {
+                let both = rows.iter().flat_map(|e| {
+                    let same = |r: &&SummaryRow| r.tracker == e.row.tracker && r.protocol == e.row.protocol;
+                    results.summary.iter().filter(same)
+                });
+                let mut bytes = Vec::new();
+                // Writing to memory cannot fail.
+                let _ = csv::summary(&mut bytes, &results.metrics, both);
+                String::from_utf8(bytes).unwrap_or_default()
+            }
+        },
+        Format::Table | Format::Md => {
+            let mut text = people(results, &rows, options);
+            if let Some((by, figure)) = by {
+                text += "\n";
+                text += &standings::groups(&rows, by, figure, options);
+            }
+            text
         }
-        Format::Table | Format::Md => people(results, speeds, &rows, options),
     }
 }
 
-fn people(
-    results: &Results,
-    speeds: &BTreeMap<String, f64>,
-    rows: &[&SummaryRow],
-    options: &TableOptions,
-) -> String {
-    let shown = if options.top == 0 {
-        rows.len()
-    } else {
-        options.top.min(rows.len())
-    };
+/// How many of `rows` rows are shown.
+pub(super) fn shown(rows: usize, top: usize) -> usize {
+    if top == 0 { rows } else { top.min(rows) }
+}
+
+fn people(results: &Results, entrants: &[Entrant<'_>], options: &TableOptions) -> String {
+    let shown = shown(entrants.len(), options.top);
+    let rows: Vec<&SummaryRow> = entrants.iter().map(|e| e.row).collect();
+    let with_speed = options.sort == FPS || options.pick.is_by_speed();
+    let unequal = !are_of_the_same(&entrants[..shown]);
     let failed = rows[..shown].iter().any(|r| r.failed_runs > 0);
     let protocols = rows.iter().any(|r| r.protocol != rows[0].protocol);
     let mut header = vec![
@@ -145,8 +122,11 @@ fn people(
     if restarted {
         header.push("frames/failure");
     }
-    if options.sort == FPS {
+    if with_speed {
         header.push(FPS);
+    }
+    if unequal {
+        header.push("sequences");
     }
     if protocols {
         header.push("protocol");
@@ -154,8 +134,8 @@ fn people(
     if failed {
         header.push("failed units");
     }
-    let cells = rows[..shown].iter().map(|r| {
-        let s = &r.score;
+    let cells = entrants[..shown].iter().map(|e| {
+        let (r, s) = (e.row, &e.row.score);
         let mut row = vec![r.tracker.id.clone()];
         let rates = ["sr_1", "sr_2", "sr_5", "sr_10", "sr_20", "auc"];
         row.extend(rates.map(|name| short(s[name], 3)));
@@ -167,8 +147,11 @@ fn people(
         if restarted {
             row.push(short(s["frames_per_failure"], 1));
         }
-        if options.sort == FPS {
-            row.push(short(speeds.get(&r.tracker.id).copied().unwrap_or(f64::NAN), 0));
+        if with_speed {
+            row.push(short(e.fps, 0));
+        }
+        if unequal {
+            row.push(r.sequences.to_string());
         }
         if protocols {
             row.push(r.protocol.clone());
@@ -195,6 +178,9 @@ fn people(
             "{more} more tracker{} (--top 0 shows all)",
             if more == 1 { "" } else { "s" }
         ));
+    }
+    if unequal {
+        notes.push("not all rows are of the same sequences".to_owned());
     }
     let runs = results.failed_runs();
     if runs > 0 {
@@ -259,6 +245,7 @@ pub fn render(header: &[&str], rows: &[Vec<String>], format: Format, colour: boo
         }));
     }
     let number = |c: &str| {
+        let c = c.strip_prefix('*').unwrap_or(c);
         c.is_empty() || c == "inf" || c.starts_with(|d: char| d.is_ascii_digit() || "+-".contains(d))
     };
     for (i, column) in grid.column_iter_mut().enumerate().skip(1) {
@@ -288,6 +275,7 @@ pub fn render(header: &[&str], rows: &[Vec<String>], format: Format, colour: boo
 mod tests {
     use super::*;
     use crate::metric::aggregate::example;
+    use std::collections::BTreeMap;
 
     fn print(options: TableOptions) -> String {
         table(&example::results(), &BTreeMap::new(), &options)
@@ -343,25 +331,6 @@ mod tests {
         let json: serde_json::Value = serde_json::from_str(&json).unwrap();
         assert_eq!(json["trackers"].as_array().unwrap().len(), 3);
         assert_eq!(json["trackers"][0]["aggregates"][0]["average"], "pooled");
-    }
-
-    #[test]
-    fn sort_keys() {
-        let parse = |key: &str| parse_sort(&MetricSet::builtin(), key);
-        assert_eq!(parse("SR_5").unwrap(), "sr_5");
-        assert!(parse("sr5").unwrap_err().contains("did you mean 'sr_5'"));
-        let results = example::results();
-        let first = |key: &str| ranked(&results, &BTreeMap::new(), key)[0].tracker.sm.clone();
-        assert_eq!(
-            (first("failures"), first("frames"), first("tracker")),
-            ("esm".into(), "esm".into(), "esm".into())
-        );
-        let last = |key: &str| ranked(&results, &BTreeMap::new(), key)[2].tracker.sm.clone();
-        assert_eq!(
-            (last("auc"), last("al_median"), last("al_tracked")),
-            ("nn".into(), "nn".into(), "nn".into())
-        );
-        assert_eq!(last("tracker"), "nn");
     }
 
     #[test]

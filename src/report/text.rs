@@ -10,6 +10,9 @@ pub const BOLD: &str = "\x1b[1m";
 /// What ends them.
 pub const PLAIN: &str = "\x1b[0m";
 
+/// What colours the bar at the end of a line, which [`PLAIN`] ends.
+pub const BAR: &str = "\x1b[36m";
+
 /// Whether a terminal does something else with `c` than to show it.
 fn is_hidden(c: char) -> bool {
     let turns_direction =
@@ -35,7 +38,8 @@ fn escaped<'a>(text: &'a str, kept: &[char]) -> Cow<'a, str> {
 }
 
 /// Text in lines: control characters other than ends of lines and tabs, and marks that turn the direction of writing,
-/// as `\u001b`. A line between [`BOLD`] and [`PLAIN`] keeps these two.
+/// as `\u001b`. A line between [`BOLD`] and [`PLAIN`] keeps these two, and so does a bar at the end of a line between [`BAR`] and
+/// [`PLAIN`].
 pub fn lines(text: &str) -> Cow<'_, str> {
     if !text.contains(|c| is_hidden(c) && c != '\n' && c != '\t') {
         return Cow::Borrowed(text);
@@ -44,10 +48,23 @@ pub fn lines(text: &str) -> Cow<'_, str> {
         let (body, end) = line.strip_suffix('\n').map_or((line, ""), |body| (body, "\n"));
         match body.strip_prefix(BOLD).and_then(|b| b.strip_suffix(PLAIN)) {
             Some(bold) => format!("{BOLD}{}{PLAIN}{end}", escaped(bold, &['\t'])),
-            None => format!("{}{end}", escaped(body, &['\t'])),
+            None => {
+                let (body, bar) = bar_at_end(body);
+                format!("{}{bar}{end}", escaped(body, &['\t']))
+            }
         }
     };
     Cow::Owned(text.split_inclusive('\n').map(line).collect())
+}
+
+/// A line without the bar at its end, and the bar with its colour: nothing but shaded blocks.
+fn bar_at_end(line: &str) -> (&str, &str) {
+    let bar = line.rfind(BAR).and_then(|at| {
+        let blocks = line[at + BAR.len()..].strip_suffix(PLAIN)?;
+        let is_bar = blocks.chars().all(|c| ('\u{2580}'..='\u{259f}').contains(&c));
+        is_bar.then_some(at)
+    });
+    line.split_at(bar.unwrap_or(line.len()))
 }
 
 /// As [`lines`], ends of lines and tabs escaped as well.
@@ -105,6 +122,15 @@ mod tests {
         assert_eq!(lines("a\tb\nc\x1b[1md\n"), "a\tb\nc\\u001b[1md\n");
         let bold = format!("{BOLD}a\rb{PLAIN}\n{BOLD}c\n");
         assert_eq!(lines(&bold), format!("{BOLD}a\\u000db{PLAIN}\n\\u001b[1mc\n"));
+        let bar = format!("a{BAR}██▓░{PLAIN}\n");
+        assert_eq!(lines(&bar), bar);
+        for other in [
+            format!("{BAR}██ a{PLAIN}\n"),
+            format!("{BAR}█{PLAIN} a\n"),
+            format!("{BAR}█\n"),
+        ] {
+            assert!(!lines(&other).contains('\x1b'), "{other:?}");
+        }
         assert!(matches!(lines("esm/ssd é 日本\n"), Cow::Borrowed(_)));
     }
 

@@ -4,8 +4,9 @@
 //! number of times, or done in shards, ends with the same bytes as one that was not.
 
 use crate::files::{self, Kind};
+use crate::judge::ranking::Speeds;
 use crate::measure::machine::cpu_name;
-use crate::metric::aggregate::{Results, UnitResult, UnitStatus, aggregate_tracker};
+use crate::metric::aggregate::{ALL_DATASETS, POOLED, Results, UnitResult, UnitStatus, aggregate_tracker};
 use crate::metric::{Errors, MetricSet};
 use crate::plan::{Plan, Unit, UnitKeys};
 use crate::report::{About, Exporters, text};
@@ -20,7 +21,7 @@ use crate::store::rundir::{Recorded, RunDir, digest};
 use crate::store::truth::{self, KeptTruth};
 use rayon::prelude::*;
 use serde_json::{Map, Value};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 /// Most units of a run whose files hold the success curve of each sequence (100 lines each).
@@ -40,8 +41,14 @@ pub(crate) struct ResultSource<'a> {
 /// Units without a result: what they are, and why.
 pub type Failed = Vec<(String, String)>;
 
-/// Frames per second of update time of each tracker, by id, over all its units.
-pub type Speeds = BTreeMap<String, f64>;
+/// What units that have ended give together.
+pub(crate) struct Collected {
+    pub results: Results,
+    pub times: Vec<(Unit, UnitTime)>,
+    pub failed: Failed,
+    /// See [`ended_as`](crate::store::held::ended_as).
+    pub made_from: String,
+}
 
 impl ResultSource<'_> {
     /// Writes `timing.csv` and the result files of `units`, which are in the order of the plan.
@@ -50,6 +57,24 @@ impl ResultSource<'_> {
         units: &[Unit],
         pool: &rayon::ThreadPool,
     ) -> Result<(Results, Speeds, Failed), RunError> {
+        let Collected {
+            results,
+            times,
+            failed,
+            made_from,
+        } = self.collect(units, pool)?;
+        write_timing(self.dir, self.plan, &times)?;
+        let about = About {
+            sequence_curves: units.len() <= CURVE_UNITS,
+            made_from,
+            ..About::default()
+        };
+        self.exporters.write(self.dir.path(), &results, &about)?;
+        Ok((results, speeds(self.plan, &times), failed))
+    }
+
+    /// Reads what `units`, which have ended and are in the order of the plan, left on disk.
+    pub fn collect(&self, units: &[Unit], pool: &rayon::ThreadPool) -> Result<Collected, RunError> {
         // A tracker at a time, so that the errors of all frames of all trackers are never in memory together.
         let trackers: Vec<&[Unit]> = units.chunk_by(|a, b| a.tracker == b.tracker).collect();
         let parts: Vec<(Vec<u64>, Vec<(Unit, UnitTime)>, Failed, Results)> = pool.install(|| {
@@ -89,14 +114,14 @@ impl ResultSource<'_> {
             failed.extend(part_failed);
             results.extend(part);
         }
-        write_timing(self.dir, self.plan, &times)?;
-        let about = About {
-            sequence_curves: units.len() <= CURVE_UNITS,
+        let tagged = self.plan.sequences.iter().filter(|s| !s.tags.is_empty());
+        results.tags = tagged.map(|s| (s.id(), s.tags.clone())).collect();
+        Ok(Collected {
+            results,
+            times,
+            failed,
             made_from: made_from.finish(),
-            ..About::default()
-        };
-        self.exporters.write(self.dir.path(), &results, &about)?;
-        Ok((results, speeds(self.plan, &times), failed))
+        })
     }
 
     /// How the unit ended, its line and its result, as they stand on disk.
@@ -203,65 +228,91 @@ fn write_description(dir: &RunDir, recorded: &Recorded) -> Result<(), StoreError
     dir.put(&path, &bytes, Durable::Now)
 }
 
-/// The speed of each tracker that has been timed.
-fn speeds(plan: &Plan, times: &[(Unit, UnitTime)]) -> Speeds {
-    let mut sums: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
-    for (unit, time) in times {
-        let (updates, seconds) = sums.entry(unit.tracker).or_default();
-        *updates += time.updates as f64;
-        *seconds += time.seconds;
-    }
-    sums.into_iter()
-        .filter(|(_, (updates, _))| *updates > 0.0)
-        .map(|(tracker, (updates, seconds))| {
-            (
-                plan.trackers[tracker as usize].id.clone(),
-                updates / seconds.max(1e-9),
-            )
-        })
-        .collect()
+/// The time that several units took together.
+fn total<'a>(times: impl IntoIterator<Item = &'a UnitTime>) -> UnitTime {
+    times.into_iter().fold(UnitTime::default(), |mut sum, time| {
+        sum.updates += time.updates;
+        sum.seconds += time.seconds;
+        sum.input_seconds += time.input_seconds;
+        sum.init_seconds += time.init_seconds;
+        sum.threads = sum.threads.max(time.threads);
+        sum
+    })
 }
 
-/// Speed of each unit.
+/// Updates per second; `None` without updates.
+fn rate(updates: usize, seconds: f64) -> Option<f64> {
+    (updates > 0).then(|| updates as f64 / seconds.max(1e-9))
+}
+
+/// The speed of each tracker that has been timed.
+pub(crate) fn speeds(plan: &Plan, times: &[(Unit, UnitTime)]) -> Speeds {
+    let of_tracker = |times: &[(Unit, UnitTime)]| {
+        let sum = total(times.iter().map(|(_, time)| time));
+        let id = &plan.trackers[times[0].0.tracker as usize].id;
+        Some((id.clone(), rate(sum.updates, sum.seconds)?))
+    };
+    let trackers = times.chunk_by(|a, b| a.0.tracker == b.0.tracker);
+    trackers.filter_map(of_tracker).collect()
+}
+
+/// Speed of each tracker and unit.
 const TIMING: &str = "timing.csv";
 
-/// Writes `timing.csv`: the file that differs between machines.
+/// Writes `timing.csv`: the file that differs between machines. Before the rows of a tracker's units stands one of all
+/// together, where medians and percentiles are left out.
 fn write_timing(dir: &RunDir, plan: &Plan, times: &[(Unit, UnitTime)]) -> Result<(), StoreError> {
     let path = dir.path().join(TIMING);
     let cpu = cpu_name();
     let mut out = csv::Writer::from_writer(Vec::new());
-    let write = |out: &mut csv::Writer<Vec<u8>>, fields: &[&str]| {
+    let mut write = |fields: &[&str]| {
         out.write_record(fields.iter().map(|c| text::cell(c).into_owned()))
             .map_err(|e| StoreError::io(&path, e.into()))
     };
     let header = "tracker,dataset,sequence,start,frames,seconds,fps,ms_median,ms_p95,fps_with_input,init_seconds,threads,comparable,cpu,course";
-    write(&mut out, &header.split(',').collect::<Vec<_>>())?;
-    for (unit, time) in times {
-        let sequence = &plan.sequences[unit.sequence as usize];
-        let rate = |seconds: f64| match time.updates {
-            0 => String::new(),
-            n => format!("{:.2}", n as f64 / seconds.max(1e-9)),
-        };
-        write(
-            &mut out,
-            &[
-                &plan.trackers[unit.tracker as usize].id,
-                &sequence.dataset,
-                &sequence.sequence,
-                &unit.start.to_string(),
-                &time.updates.to_string(),
-                &format!("{:.6}", time.seconds),
-                &rate(time.seconds),
-                &format!("{:.4}", time.ms_median),
-                &format!("{:.4}", time.ms_p95),
-                &rate(time.seconds + time.input_seconds),
-                &format!("{:.6}", time.init_seconds),
-                &time.threads.to_string(),
-                if time.threads == 1 { "yes" } else { "no" },
-                &cpu,
+    write(&header.split(',').collect::<Vec<_>>())?;
+    let per_second = |time: &UnitTime, seconds: f64| {
+        rate(time.updates, seconds).map_or(String::new(), |rate| format!("{rate:.2}"))
+    };
+    let mut row = |what: [&str; 4], time: &UnitTime, ms: [String; 2], course: &str| {
+        let [tracker, dataset, sequence, start] = what;
+        let [ms_median, ms_p95] = ms;
+        write(&[
+            tracker,
+            dataset,
+            sequence,
+            start,
+            &time.updates.to_string(),
+            &format!("{:.6}", time.seconds),
+            &per_second(time, time.seconds),
+            &ms_median,
+            &ms_p95,
+            &per_second(time, time.seconds + time.input_seconds),
+            &format!("{:.6}", time.init_seconds),
+            &time.threads.to_string(),
+            if time.threads == 1 { "yes" } else { "no" },
+            &cpu,
+            course,
+        ])
+    };
+    for times in times.chunk_by(|a, b| a.0.tracker == b.0.tracker) {
+        let tracker = &plan.trackers[times[0].0.tracker as usize].id;
+        let sum = total(times.iter().map(|(_, time)| time));
+        row([tracker, ALL_DATASETS, POOLED, "0"], &sum, Default::default(), "")?;
+        for (unit, time) in times {
+            let sequence = &plan.sequences[unit.sequence as usize];
+            row(
+                [
+                    tracker,
+                    &sequence.dataset,
+                    &sequence.sequence,
+                    &unit.start.to_string(),
+                ],
+                time,
+                [time.ms_median, time.ms_p95].map(|ms| format!("{ms:.4}")),
                 &plan.course_name(unit).unwrap_or_default(),
-            ],
-        )?;
+            )?;
+        }
     }
     let bytes = out
         .into_inner()

@@ -1,7 +1,8 @@
-//! Joining the run directories of shards into one that equals an unsharded run's.
+//! Joining the run directories of shards into one that equals an unsharded run's, or those of different runs into their union.
 //!
-//! Every directory records the whole plan. They must agree about it; each unit of the plan must have ended in one of
-//! them, with a frame log that is what the journal says, and must not have ended differently in another.
+//! Every directory of a shard records the whole plan, and they must agree about it; the plan of a union is [that of all its
+//! runs](Plan::union). Each unit of the plan must have ended in one of the directories, with a frame log that is what the
+//! journal says, and must not have ended differently in another.
 
 use crate::metric::MetricSet;
 use crate::plan::{Cut, Plan, PlanError, Shard, Sharding, Unit, UnitKeys};
@@ -16,7 +17,7 @@ use crate::store::held::{Held, held};
 use crate::store::journal::{Entry, Journal, JournalWriter};
 use crate::store::lock::Holder;
 use crate::store::rundir::{Recorded, RunDir};
-use crate::store::truth;
+use crate::store::truth::{self, KeptTruth};
 use rayon::prelude::*;
 use serde_json::{Map, Value};
 use std::collections::{BTreeMap, BTreeSet};
@@ -32,6 +33,8 @@ pub struct MergeRequest {
     pub parts: Vec<PathBuf>,
     /// The run directory to be made; what it holds already counts as a part.
     pub out: PathBuf,
+    /// The directories are of different trackers, sequences or protocols rather than shards of one run.
+    pub union: bool,
     /// Discard what it holds.
     pub force: bool,
     /// Join results of different builds of the program.
@@ -100,7 +103,8 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
         // First, so that what it holds stays as it is.
         sources.insert(0, request.out.clone());
     }
-    let mut first: Option<(Recorded, PathBuf)> = None;
+    let mut described: Vec<(PathBuf, Recorded)> = Vec::new();
+    let mut union: Option<Plan> = None;
     let mut parts = Vec::new();
     let mut cuts = BTreeSet::new();
     for path in &sources {
@@ -130,7 +134,9 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
         }
         let mut dir = RunDir::view(path);
         let recorded = dir.recorded()?;
-        cuts.extend(recorded.shard().map(|shard| (shard.cut, shard.count)));
+        // The parts of a union are cut each by its own plan.
+        let cut = recorded.shard().filter(|_| !request.union);
+        cuts.extend(cut.map(|shard| (shard.cut, shard.count)));
         dir.lay_out(&recorded.plan);
         let journal = Journal::read(&dir.journal())?;
         if journal.damaged > 0 {
@@ -141,27 +147,34 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
             ));
         }
         parts.push(Part { dir, journal });
-        match &first {
-            None => first = Some((recorded, path.clone())),
-            Some((known, known_path)) => {
+        let other = |reason: String| StoreError::Mismatch {
+            path: path.clone(),
+            reason,
+        };
+        match (described.first(), &union) {
+            (None, _) => union = Some(recorded.plan.clone()),
+            (Some(_), Some(plan)) if request.union => {
+                let joined = plan.union(&recorded.plan);
+                let against = "(against the directories before it)";
+                union = Some(joined.map_err(|difference| other(format!("{difference} {against}")))?);
+            }
+            (Some((known_path, known)), _) => {
                 let truth = (known.truth != recorded.truth).then(|| "other ground truth than".to_owned());
                 let difference = known.plan.difference(&recorded.plan).map(|d| format!("{d} in"));
                 if let Some(difference) = difference.or(truth) {
-                    return Err(StoreError::Mismatch {
-                        path: path.clone(),
-                        reason: format!("{difference} {}", known_path.display()),
-                    }
-                    .into());
+                    let reason = format!("{difference} {}", known_path.display());
+                    return Err(other(reason).into());
                 }
             }
         }
+        described.push((path.clone(), recorded));
     }
-    let Some((Recorded { plan, truth, .. }, first)) = first else {
+    let (Some(plan), Some((first, _))) = (union, described.first()) else {
         return Err(PlanError::Nothing("no run directory").into());
     };
     if plan.metrics != request.metrics.added_names() {
         return Err(StoreError::Mismatch {
-            path: first,
+            path: first.clone(),
             reason: "it was run with other metrics".into(),
         }
         .into());
@@ -189,7 +202,9 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
     let builds = chosen.iter().filter_map(|choice| choice.build.clone()).collect();
     one_build(&request.out, &builds, request.mix_builds)?;
 
-    let truth = truth::read(&first.join("truth.csv"), &plan.sequences, &truth)?;
+    // Shards have the same.
+    let tellers = if request.union { described.len() } else { 1 };
+    let truth = truth_of(&plan, &described[..tellers])?;
     let files: Vec<&str> = request.exporters.files().collect();
     // What the directory held is discarded last: everything is there first, in a folder beside it that is this merge's own.
     let aside = match request.force && request.out.exists() {
@@ -258,6 +273,21 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
         data: plan.data.clone(),
         profile: None,
     })))
+}
+
+/// The ground truth of the plan's sequences, each as one of the directories has it.
+fn truth_of(plan: &Plan, described: &[(PathBuf, Recorded)]) -> Result<Vec<KeptTruth>, StoreError> {
+    let mut known: BTreeMap<String, KeptTruth> = BTreeMap::new();
+    for (path, recorded) in described {
+        let sequences = &recorded.plan.sequences;
+        let truth = truth::read(&path.join("truth.csv"), sequences, &recorded.truth)?;
+        known.extend(sequences.iter().map(|s| s.id()).zip(truth));
+    }
+    let of_plan = plan
+        .sequences
+        .iter()
+        .map(|s| known.remove(&s.id()).unwrap_or_default());
+    Ok(of_plan.collect())
 }
 
 /// Each directory once, however often and by whatever path it is named.

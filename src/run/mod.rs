@@ -10,12 +10,14 @@ mod pool;
 pub mod profile;
 mod runner;
 mod schedule;
+mod so_far;
 mod watch;
 
 pub use error::RunError;
 pub use observer::{Observer, Silent};
 pub use pool::pool;
 pub use runner::{RunReport, run};
+pub use so_far::{SoFar, so_far};
 
 #[cfg(test)]
 mod tests;

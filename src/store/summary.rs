@@ -39,7 +39,11 @@ struct Document<'a> {
     #[serde(skip_serializing_if = "str::is_empty")]
     made_from: &'a str,
     thresholds: Thresholds,
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    tags: &'a BTreeMap<String, Vec<String>>,
     trackers: Vec<Tracker<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    groups: Option<Value>,
 }
 
 /// Rows of one tracker.
@@ -95,7 +99,9 @@ impl<'a> Document<'a> {
             title: "",
             made_from: "",
             thresholds: thresholds(&results.metrics),
+            tags: &results.tags,
             trackers,
+            groups: None,
         }
     }
 }
@@ -127,9 +133,16 @@ pub fn write(out: &mut dyn Write, results: &Results, heading: Heading<'_>) -> io
     writeln!(out)
 }
 
-/// The document without curves, trackers in the given order: for standard output.
-pub fn document<'a>(results: &'a Results, order: &[&'a TrackerName]) -> impl Serialize + 'a {
-    Document::new(results, order, |_| false)
+/// The document without curves, trackers in the given order: for standard output. `groups`: figures by group.
+pub fn document<'a>(
+    results: &'a Results,
+    order: &[&'a TrackerName],
+    groups: Option<Value>,
+) -> impl Serialize + 'a {
+    Document {
+        groups,
+        ..Document::new(results, order, |_| false)
+    }
 }
 
 /// What a `summary.json` says.
@@ -149,6 +162,8 @@ struct Recorded {
     thresholds: Thresholds,
     #[serde(default)]
     made_from: Option<String>,
+    #[serde(default)]
+    tags: BTreeMap<String, Vec<String>>,
     trackers: Vec<RecordedTracker>,
 }
 
@@ -206,6 +221,7 @@ pub fn read(dir: &Path, metrics: &MetricSet) -> Result<Summary, FileError> {
     check_version(&path, &text, SUMMARY_FORMAT_VERSION)?;
     let recorded: Recorded = serde_json::from_slice(&text).map_err(|e| FileError::format(&path, e))?;
     let mut results = Results::new(metrics);
+    results.tags = recorded.tags;
     for RecordedTracker {
         name,
         aggregates,
@@ -289,7 +305,8 @@ mod tests {
     fn reads_what_it_wrote() {
         let mut units = example::units();
         units.push(example::unit("nn/mi/affine", "void", &[]));
-        let results = example::of(&units);
+        let mut results = example::of(&units);
+        results.tags.insert("builtin/wall".into(), vec!["flat".into()]);
         let dir = tempfile::tempdir().unwrap();
         let mut text = Vec::new();
         let heading = Heading {
@@ -321,7 +338,7 @@ mod tests {
         let units = [example::unit("esm/ssd/homography", "wall", &[Some(0.0), None])];
         let results = example::of(&units);
         let order = [&results.summary[0].tracker];
-        let mut value = serde_json::to_value(document(&results, &order)).unwrap();
+        let mut value = serde_json::to_value(document(&results, &order, None)).unwrap();
         assert_eq!(value["thresholds"]["al"].as_array().unwrap().len(), 101);
         value["thresholds"] = "...".into();
         insta::assert_snapshot!(serde_json::to_string_pretty(&value).unwrap(), @r#"

@@ -141,6 +141,7 @@ mod tests {
             frames: 5,
             starts: vec![vec![1]],
             fingerprint: String::new(),
+            tags: Vec::new(),
         }];
         let corners = |k: f64| Some(Corners::rect(0.1 * k, 1.0 / 3.0, 1e-9 + k, 40.0));
         let truth = [KeptTruth {
