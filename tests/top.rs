@@ -226,7 +226,7 @@ fn figures_by_tag_are_those_of_the_sequences() {
         assert!((number(&t["values"], "quick") - mean).abs() < 1e-9, "{t}");
     }
     let text = printed(dir, &["top", "a", "--by", "tag"]);
-    for words in ["near", "*0.", "best tracker", "the best of all trackers"] {
+    for words in ["near", "*1.000", "best tracker", "the best of all trackers"] {
         assert!(text.contains(words), "{words} in {text}");
     }
     let csv = table(&printed(
@@ -538,7 +538,7 @@ fn a_tag_that_is_not_there_is_an_error_with_those_that_are() {
         .assert()
         .code(4)
         .stderr(
-            contains("no sequence has the tag 'quik'; did you mean 'quick'?")
+            contains("--tag quik: no sequence has this tag; did you mean 'quick'?")
                 .and(contains("near (1), quick (2)")),
         );
     // Beside one that is there, too.
@@ -546,7 +546,7 @@ fn a_tag_that_is_not_there_is_an_error_with_those_that_are() {
         .args(["run", "data", "--tag", "near,nosuch", "--out", "x"])
         .assert()
         .code(4)
-        .stderr(contains("'nosuch'").and(contains("quick (2)")));
+        .stderr(contains("--tag nosuch").and(contains("quick (2)")));
     write_data(&dir.join("bare"), &[5]);
     program(dir)
         .args(["run", "bare", "--tag", "quick", "--out", "x"])

@@ -411,10 +411,10 @@ fn no_tag(tag: &str, known: &BTreeMap<String, usize>) -> String {
     let list: Vec<String> = known.iter().map(|(tag, n)| format!("{tag} ({n})")).collect();
     match list.is_empty() {
         true => format!(
-            "no sequence has the tag '{tag}', nor any other: tags are words in tags.txt beside the frames"
+            "--tag {tag}: no sequence has this tag, nor any other: tags are words in tags.txt beside the frames"
         ),
         false => format!(
-            "no sequence has the tag '{tag}'{hint}; tags and their sequences: {}",
+            "--tag {tag}: no sequence has this tag{hint}; tags and their sequences: {}",
             list.join(", ")
         ),
     }

@@ -271,7 +271,16 @@ pub fn together(fields: &[Field<'_>]) -> Results {
                 ..tracker.clone()
             },
         };
-        let Results { summary, curves, .. } = field.results;
+        let Results {
+            summary,
+            curves,
+            sequences,
+            ..
+        } = field.results;
+        all.sequences.extend(sequences.iter().map(|row| SequenceRow {
+            tracker: named(&row.tracker),
+            ..row.clone()
+        }));
         all.summary.extend(summary.iter().map(|row| SummaryRow {
             tracker: named(&row.tracker),
             ..row.clone()
@@ -583,7 +592,8 @@ mod tests {
         assert_eq!(names("auc", &all), "esm iclk fclk nn");
         assert_eq!(names("fps", &all), "fclk esm iclk nn");
         assert_eq!(names("tracker", &all), "esm fclk iclk nn");
-        assert_eq!(names("al_median", &all), "esm fclk iclk nn");
+        assert_eq!(names("al_median", &all), "esm iclk fclk nn");
+        assert_eq!(names("al_tracked", &all), "esm fclk iclk nn");
         let parse = |key: &str| parse_sort(&MetricSet::builtin(), key);
         assert_eq!(parse("SR_5").unwrap(), "sr_5");
         assert!(parse("sr5").unwrap_err().contains("did you mean 'sr_5'"));

@@ -208,12 +208,12 @@ mod tests {
         nn/mi/affine,nn,mi,affine,,seq_mean,al,ope,1,1,1,2,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,20.000000,inf,,20.000000,inf,20.000000,inf,1.000000,1.000000,,,2,
         ");
         insta::assert_snapshot!(text(&SequencesCsv), @"
-        tracker,sm,am,ssm,ilm,dataset,sequence,start,protocol,status,frames,sr_1,sr_2,sr_5,sr_10,sr_20,auc,sr_area,al_mean,al_median,al_tracked,mcd_mean,mcd_median,cl_mean,cl_median,jaccard_mean,jaccard_median,grid_mean,grid_median,failures,frames_per_failure,reason
-        esm/ssd/homography,esm,ssd,homography,,builtin,book,0,ope,ok,2,1.000000,1.000000,1.000000,1.000000,1.000000,1.000000,19.000000,0.050000,0.050000,0.050000,0.050000,0.050000,0.050000,0.050000,0.000999,0.000999,,,0,,
-        esm/ssd/homography,esm,ssd,homography,,builtin,wall,0,ope,ok,4,0.750000,0.750000,1.000000,1.000000,1.000000,0.945000,18.250000,1.187500,0.375000,1.187500,1.187500,0.375000,1.187500,0.375000,0.022965,0.007469,,,0,,
-        iclk/ssd/affine,iclk,ssd,affine,,builtin,book,0,ope,ok,2,1.000000,1.000000,1.000000,1.000000,1.000000,0.995000,19.000000,0.200000,0.200000,0.200000,0.200000,0.200000,0.200000,0.200000,0.003990,0.003990,,,0,,
-        iclk/ssd/affine,iclk,ssd,affine,,builtin,wall,0,ope,ok,4,0.000000,0.250000,0.500000,0.500000,0.500000,0.452500,9.000000,11.000000,16.250000,2.000000,11.000000,16.250000,11.000000,16.250000,0.384969,0.255159,,,2,,
-        nn/mi/affine,nn,mi,affine,,builtin,wall,0,ope,failed,2,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,20.000000,inf,,20.000000,inf,20.000000,inf,1.000000,1.000000,,,2,,panicked at frame 1
+        tracker,sm,am,ssm,ilm,dataset,sequence,start,protocol,status,frames,sr_1,sr_2,sr_5,sr_10,sr_20,auc,sr_area,al_mean,al_median,al_tracked,mcd_mean,mcd_median,cl_mean,cl_median,jaccard_mean,jaccard_median,grid_mean,grid_median,failures,frames_per_failure,reason,tags
+        esm/ssd/homography,esm,ssd,homography,,builtin,book,0,ope,ok,2,1.000000,1.000000,1.000000,1.000000,1.000000,1.000000,19.000000,0.050000,0.050000,0.050000,0.050000,0.050000,0.050000,0.050000,0.000999,0.000999,,,0,,,
+        esm/ssd/homography,esm,ssd,homography,,builtin,wall,0,ope,ok,4,0.750000,0.750000,1.000000,1.000000,1.000000,0.945000,18.250000,1.187500,0.375000,1.187500,1.187500,0.375000,1.187500,0.375000,0.022965,0.007469,,,0,,,
+        iclk/ssd/affine,iclk,ssd,affine,,builtin,book,0,ope,ok,2,1.000000,1.000000,1.000000,1.000000,1.000000,0.995000,19.000000,0.200000,0.200000,0.200000,0.200000,0.200000,0.200000,0.200000,0.003990,0.003990,,,0,,,
+        iclk/ssd/affine,iclk,ssd,affine,,builtin,wall,0,ope,ok,4,0.000000,0.250000,0.500000,0.500000,0.500000,0.452500,9.000000,11.000000,16.250000,2.000000,11.000000,16.250000,11.000000,16.250000,0.384969,0.255159,,,2,,,
+        nn/mi/affine,nn,mi,affine,,builtin,wall,0,ope,failed,2,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,20.000000,inf,,20.000000,inf,20.000000,inf,1.000000,1.000000,,,2,,panicked at frame 1,
         ");
         let curves = text(&CurvesCsv);
         assert_eq!(curves.lines().count(), 1 + 101 * (3 * 4 + 5));
