@@ -285,9 +285,9 @@ mod tests {
     fn for_people() {
         insta::assert_snapshot!(print(TableOptions::default()), @"
         tracker              SR@1   SR@2   SR@5  SR@10  SR@20    AUC  AL median px  failures  frames  sequences  failed units
-        esm/ssd/homography  0.833  0.833  1.000  1.000  1.000  0.963         0.17         0       6          2
-        iclk/ssd/affine     0.333  0.500  0.667  0.667  0.667  0.633         2.00         2       6          2
-        nn/mi/affine        0.000  0.000  0.000  0.000  0.000  0.000          inf         2       2          1        1 of 1
+        esm/ssd/homography  0.833  0.833  1.000  1.000  1.000  0.963          0.17         0       6          2
+        iclk/ssd/affine     0.333  0.500  0.667  0.667  0.667  0.633          2.00         2       6          2
+        nn/mi/affine        0.000  0.000  0.000  0.000  0.000  0.000           inf         2       2          1        1 of 1
 
         not all rows are of the same sequences; 1 of 5 units (one tracker on one sequence each) failed, see sequences.csv
         ");
