@@ -320,7 +320,7 @@ pub struct TableArgs {
     /// How many trackers to show (0: all)
     #[arg(long, value_name = "N", default_value = "20")]
     pub top: usize,
-    /// Which trackers, and figures by group.
+    /// Which trackers, and numbers by group.
     #[command(flatten)]
     pub pick: PickArgs,
 }
@@ -329,17 +329,17 @@ pub struct TableArgs {
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Output")]
 pub struct PickArgs {
-    /// Figures by group besides: by tag or sequence a table of trackers x groups, and the best tracker of each group
-    #[arg(long, value_name = "GROUP")]
+    /// The numbers by group besides: by tag or sequence a table of trackers x groups, and the best tracker of each group
+    #[arg(long, value_name = "GROUP", hide_short_help = true)]
     pub by: Option<Group>,
     /// Only the best tracker of each search method, appearance model, ...
-    #[arg(long, value_name = "PART")]
+    #[arg(long, value_name = "PART", hide_short_help = true)]
     pub best_per: Option<Part>,
     /// Only trackers that no other beats in both accuracy and speed
-    #[arg(long, value_name = "SPEED")]
+    #[arg(long, value_name = "SPEED", hide_short_help = true)]
     pub pareto: Option<Speed>,
     /// Only trackers whose mean time per frame is below this, such as 2ms or 60fps
-    #[arg(long, value_name = "TIME", value_parser = frame_time)]
+    #[arg(long, value_name = "TIME", value_parser = frame_time, hide_short_help = true)]
     pub under: Option<f64>,
 }
 

@@ -19,9 +19,10 @@ pub struct MergeArgs {
     /// Run directories, in any order: shards of one run, or with --union runs of different trackers, sequences or protocols
     #[arg(value_name = "SHARD", required = true)]
     pub shards: Vec<PathBuf>,
-    /// Join finished runs of different trackers, sequences or protocols, of the same settings, seed and filter. Every unit
-    /// stays what it is, and none is made up: a tracker has rows for the sequences and protocols that it was run on. A unit
-    /// that two runs have must have the same result in both
+    /// Join finished runs of different trackers, sequences or protocols
+    ///
+    /// They are of the same settings, seed and filter. Nothing is made up: a tracker has rows for the sequences and protocols
+    /// that it was run on. What two runs share must have the same result in both.
     #[arg(long)]
     pub union: bool,
     /// Discard what OUT holds

@@ -14,11 +14,11 @@ use std::process::ExitCode;
 
 /// The best trackers of one or several runs, finished or not
 ///
-/// Trackers of all runs are ranked together by a figure over all frames, each with the 95 % interval of the figure over
-/// sequences and its speed. `=` stands where a tracker is not told apart from the first. `--by tag` prints the figures by
+/// Trackers of all runs are ranked together by a column over all frames, each with the 95 % interval of that over
+/// sequences and its speed. `=` stands where a tracker is not told apart from the first. `--by tag` prints the numbers by
 /// tag and the best tracker of each tag; `--best-per am` keeps the best tracker of each appearance model; `--pareto fps`
 /// keeps those that no other beats in both accuracy and speed; `--under 2ms` those that are fast enough. Of a run that has
-/// not got to its end, the units that have ended count.
+/// not got to its end, what has ended counts.
 #[derive(clap::Args, Debug)]
 pub struct TopArgs {
     /// Run directories
@@ -27,13 +27,13 @@ pub struct TopArgs {
     /// Which trackers.
     #[command(flatten)]
     pub pick: PickArgs,
-    /// Figure to rank by, best first: auc, sr_5, al_median, fps, ...
+    /// Column to rank by, best first: auc, sr_5, al_median, fps, ...
     #[arg(long, visible_alias = "metric", value_name = "COLUMN", default_value = "auc")]
     pub sort: String,
     /// How many trackers to print, in every format (0: all)
     #[arg(short = 'n', long = "top", value_name = "N", default_value = "20")]
     pub count: usize,
-    /// Form of what is printed; csv is one table: with --by, that of the groups
+    /// Form of the result: a row per tracker; csv is one table: with --by, that of the groups
     #[arg(long, value_name = "FORMAT", default_value = "table")]
     pub format: Format,
     /// Worker threads [default: all cores]
