@@ -167,7 +167,10 @@ fn request(args: &RunArgs, words: &[String], program: &Program) -> Result<RunReq
 }
 
 /// `results/<UTC date-time>-<hash of what is run>`.
-fn default_out(request: &RunRequestBuilder) -> Result<PathBuf, Failure> {
+///
+/// # Errors
+/// There is nothing to run.
+pub fn default_out(request: &RunRequestBuilder) -> Result<PathBuf, Failure> {
     let plan = request.plan()?;
     let plan = serde_json::to_vec(&plan).map_err(Failure::usage)?;
     let format = time::macros::format_description!("[year][month][day]-[hour][minute][second]");

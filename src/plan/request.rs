@@ -359,6 +359,7 @@ impl RunRequest {
                 ilm,
                 slug,
                 parameters,
+                answers: t.answers,
             }
         };
         let plan = Plan {

@@ -142,6 +142,10 @@ fn people(
     if restarted {
         header.push("frames/failure");
     }
+    let boxes = rows[..shown].iter().any(|r| gives_boxes(r));
+    if boxes {
+        header.extend(["CL median", "Jaccard mean"]);
+    }
     if options.sort == FPS {
         header.push(FPS);
     }
@@ -163,6 +167,9 @@ fn people(
         ]);
         if restarted {
             row.push(short(s["frames_per_failure"], 1));
+        }
+        if boxes {
+            row.extend([short(s["cl_median"], 2), short(s["jaccard_mean"], 3)]);
         }
         if options.sort == FPS {
             row.push(short(speeds.get(&r.tracker.id).copied().unwrap_or(f64::NAN), 0));
@@ -193,6 +200,9 @@ fn people(
             if more == 1 { "" } else { "s" }
         ));
     }
+    if boxes {
+        notes.push("trackers without success rates give boxes: only the distance of centres (CL) and the overlap (Jaccard) say something of them".to_owned());
+    }
     let runs = results.failed_runs();
     if runs > 0 {
         notes.push(format!(
@@ -204,6 +214,11 @@ fn people(
         text = format!("{text}\n{}\n", notes.join("; "));
     }
     text
+}
+
+/// Whether the tracker's answers are upright boxes, of which most metrics say nothing.
+fn gives_boxes(row: &SummaryRow) -> bool {
+    row.score["auc"].is_nan() && row.score.frames() > 0
 }
 
 /// A number for people: fixed decimals, `inf`, or `-` when undefined.

@@ -205,14 +205,16 @@ impl<'a> Pass<'a> {
             }
             let begin = Instant::now();
             let (mut row, answered) = update(tracker.as_mut(), &ready.frame);
-            let seconds = begin.elapsed().as_secs_f64();
+            let seconds = tracker.seconds(begin.elapsed().as_secs_f64());
             row.dense = self.dense_errors(Some(tracker.as_ref()), sequence, i, row.corners);
             (row, answered, seconds)
         });
         self.tracker = Some(tracker);
         let updated = updated.map(|(row, answered, seconds)| {
-            self.seconds.push(seconds as f32);
-            self.input_seconds += ready.seconds;
+            if seconds.is_finite() {
+                self.seconds.push(seconds as f32);
+                self.input_seconds += ready.seconds;
+            }
             (row, answered)
         });
         match (self.course, updated) {

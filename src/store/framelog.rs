@@ -4,9 +4,7 @@
 use crate::metric::{Errors, Metric, MetricSet};
 use crate::plan::FrameLogs;
 use mtf::geom::Corners;
-use ruzstd::decoding::StreamingDecoder;
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
-use std::io::Read;
 
 /// One row of a frame log.
 #[derive(Clone, Debug, PartialEq)]
@@ -173,21 +171,6 @@ pub fn pack_log(text: Vec<u8>, logs: FrameLogs) -> Vec<u8> {
     }
 }
 
-/// The text of a log from the bytes on the disk, compressed or not.
-///
-/// # Errors
-/// What is wrong with the compressed bytes.
-pub fn unpack_log(bytes: Vec<u8>) -> Result<Vec<u8>, String> {
-    const MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
-    if !bytes.starts_with(&MAGIC) {
-        return Ok(bytes);
-    }
-    let mut text = Vec::new();
-    let mut decoder = StreamingDecoder::new(bytes.as_slice()).map_err(|e| e.to_string())?;
-    decoder.read_to_end(&mut text).map_err(|e| e.to_string())?;
-    Ok(text)
-}
-
 /// Errors of the evaluated frames of a log written by [`format_log`]: those with ground truth that the tracker was not
 /// started on, and all failures, which count as without output; and of those with dense truth. `annotated(i)`: frame `i` has
 /// ground truth.
@@ -280,6 +263,7 @@ pub fn score_rows(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::unpack;
     use proptest::prelude::*;
 
     proptest! {
@@ -301,7 +285,7 @@ mod tests {
             let annotated = |i: usize| i.is_multiple_of(2);
             let truth = |since: usize, i: usize| annotated(i).then(|| Corners::rect(since as f64, 0.0, 9.0, 9.0));
             let text = format_log(&metrics, &rows, start, name, truth);
-            prop_assert_eq!(&unpack_log(pack_log(text.clone(), FrameLogs::Zst)).unwrap(), &text);
+            prop_assert_eq!(&unpack(pack_log(text.clone(), FrameLogs::Zst)).unwrap(), &text);
             let scored = score_rows(&metrics, &rows, start, annotated, truth);
             prop_assert_eq!(score_log(&metrics, &text, annotated).unwrap(), scored);
         }

@@ -64,6 +64,12 @@ pub enum TrackError {
     /// A number is not finite.
     #[error("not finite: {0}")]
     NotFinite(&'static str),
+    /// The tracker says that the object cannot be seen.
+    #[error("the object cannot be seen")]
+    Absent,
+    /// Recorded results say nothing of this frame.
+    #[error("no result for this frame")]
+    Missing,
     /// The caller asked for the end of the work ([`interrupt`](crate::interrupt)).
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
@@ -87,6 +93,8 @@ impl TrackError {
             TrackError::Unable(_) => "unable",
             TrackError::NoTruth => "no_truth",
             TrackError::NotFinite(_) => "not_finite",
+            TrackError::Absent => "absent",
+            TrackError::Missing => "missing",
             TrackError::Interrupted(_) => "interrupted",
         }
     }
@@ -191,9 +199,16 @@ pub trait Tracker: Send {
         None
     }
 
-    /// Channels of the image that `update` reads: 1 (gray) or 3 (R, G, B).
+    /// Channels of the image that `update` reads: 1 (gray) or 3 (R, G, B); 0 for trackers that do not look at frames, which
+    /// may be given empty ones.
     fn channels(&self) -> usize {
         1
+    }
+
+    /// How long the last `update` took, s, where the tracker knows better than the clock of its caller, which says
+    /// `elapsed`. NaN: not known.
+    fn seconds(&self, elapsed: f64) -> f64 {
+        elapsed
     }
 
     /// Bytes this tracker keeps between frames, roughly: sizes groups of trackers that run together. Before `init`, what its
