@@ -6,6 +6,7 @@ use super::values::{
     threads,
 };
 use crate::dataset::{BoxForm, Depth16, Origin, Reading, TruthRows};
+use crate::judge::field::{BENCHMARKS, Benchmark};
 use crate::metric::MetricSet;
 use crate::plan::{Protocols, Shard};
 use crate::report::{Format, TableOptions, parse_sort};
@@ -297,6 +298,17 @@ pub struct TableArgs {
     /// How many trackers to show (0: all)
     #[arg(long, value_name = "N", default_value = "20")]
     pub top: usize,
+    /// Print the figures of a benchmark instead: planartrack, pot, vot, tmt or otb
+    #[arg(long, value_name = "BENCHMARK", value_parser = benchmark)]
+    pub report_as: Option<&'static Benchmark>,
+    /// With --report-as: the benchmark's published figures below ours
+    #[arg(long, requires = "report_as")]
+    pub with_published: bool,
+}
+
+fn benchmark(name: &str) -> Result<&'static Benchmark, String> {
+    let names: Vec<&str> = BENCHMARKS.iter().map(|b| b.name).collect();
+    Benchmark::named(name).ok_or_else(|| format!("expected {}", names.join(", ")))
 }
 
 impl TableArgs {

@@ -42,8 +42,8 @@ pub struct MergeArgs {
 /// Directories that are no runs, are of different runs, are in use or incomplete.
 pub fn run(args: &MergeArgs, program: &Program) -> Outcome {
     let catalogue = &program.catalogue;
-    let options = args
-        .table
+    // Before anything is read.
+    args.table
         .options(&catalogue.metrics, program.console.table_colour)?;
     let request = MergeRequest {
         parts: args.shards.clone(),
@@ -57,7 +57,7 @@ pub fn run(args: &MergeArgs, program: &Program) -> Outcome {
     };
     let progress = Progress::new(&program.console, program.progress);
     match merge(&request, &progress)? {
-        Merged::Complete(report) => show(&report, &options, &program.console),
+        Merged::Complete(report) => show(&report, &args.table, program),
         Merged::Incomplete(missing) => {
             let lacking = missing.missing.len();
             let message = format!("incomplete: {lacking} of {} units are missing", missing.units);

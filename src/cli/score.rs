@@ -95,7 +95,8 @@ pub enum Way {
 /// Wrong arguments, unusable data, results that are not of it or cannot be read.
 pub fn run(args: &ScoreArgs, program: &Program) -> Outcome {
     let (catalogue, console) = (&program.catalogue, &program.console);
-    let table = args.table.options(&catalogue.metrics, console.table_colour)?;
+    // Before anything is read.
+    args.table.options(&catalogue.metrics, console.table_colour)?;
     let mut notes = DataNotes::default();
     let mut data = data(args, program, &mut notes)?;
     if let Some(name) = &args.gt_ssm {
@@ -139,7 +140,7 @@ pub fn run(args: &ScoreArgs, program: &Program) -> Outcome {
     let stop = stop_on_signals()?;
     let progress = Progress::new(console, program.progress);
     let report = crate::run::run(&request.out(out).build()?, &catalogue.exporters, &progress, &stop)?;
-    show(&report, &table, console)
+    show(&report, &args.table, program)
 }
 
 /// The sequences of the data; a file is ground truth alone.

@@ -2,11 +2,12 @@
 //!
 //! [`change`] is the engine: it matches rows of two runs and says by how much a figure got better. [`compare`] adds
 //! statistics to it (is the change of a tracker more than chance?), [`gate`] adds tolerances (is it too large to pass?).
-//! [`pairing`] finds trackers that differ by settings alone.
+//! [`field`] makes the figures that benchmarks of the field report. [`pairing`] finds trackers that differ by settings alone.
 
 pub mod baseline;
 pub mod change;
 pub mod compare;
+pub mod field;
 pub mod gate;
 pub mod pairing;
 pub mod stats;

@@ -17,7 +17,7 @@ pub use bars::bars_svg;
 pub use exporter::{About, EXPORTERS, Exporter, ExporterError, Exporters};
 pub use junit::junit;
 pub use plot::success_svg;
-pub use table::{Format, TableOptions, parse_sort, render, sort_keys, table};
+pub use table::{Format, TableOptions, field_table, parse_sort, render, sort_keys, table};
 
 /// A picture or report could not be made.
 #[derive(Debug, thiserror::Error)]
