@@ -172,6 +172,12 @@ pub enum DatasetErrorKind {
         /// Frames.
         frames: usize,
     },
+    /// Rows of nine numbers, or of three.
+    #[error(
+        "looks like homographies; say which way they go: --homographies from-first (points of the first frame to this one) or \
+         to-first"
+    )]
+    Homographies,
     /// Rows that name other frames.
     #[error(
         "none of its rows is for one of the {frames} frames of the sequence ({rows} name others); give results of this data"

@@ -584,7 +584,8 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
 }
 
 fn unit_time(mut seconds: Vec<f32>, input_seconds: f64, threads: usize) -> UnitTime {
-    let total: f64 = seconds.iter().map(|&s| f64::from(s)).sum();
+    // The sum of nothing would be -0.
+    let total = seconds.iter().fold(0.0, |total, &s| total + f64::from(s));
     seconds.sort_by(f32::total_cmp);
     let quantile = |q: f64| quantile::nearest(&seconds, q).map_or(0.0, |s| 1e3 * f64::from(s));
     UnitTime {

@@ -102,6 +102,16 @@ fn regions(
     reading.origin = reading.origin.or((!usual).then_some(sequence.origin()));
     reading.boxes = reading.boxes.or(sequence.boxes());
     reading.rows = Default::default();
+    let text = content.text()?;
+    let first = text::lines(&text)
+        .zip(1..)
+        .find(|(line, _)| text::words(line).next().is_some());
+    let matrix = |(line, _): &(&str, usize)| {
+        numbers(line).is_some_and(|n| n.len() == 9 && n[8] == 1.0 || n.len() == 3)
+    };
+    if let Some((_, line)) = first.filter(|line| matrix(line) && !counts(&text)) {
+        return Err(content.at_line(line).fault(DatasetErrorKind::Homographies));
+    }
     place(
         content,
         sequence,
@@ -111,6 +121,18 @@ fn regions(
             rows::read(content, rows::ANY, frames.iter().copied(), annotations)
         },
     )
+}
+
+/// The numbers of a line, if there is nothing else in it.
+fn numbers(line: &str) -> Option<Vec<f64>> {
+    text::words(line).map(|word| word.parse().ok()).collect()
+}
+
+/// Whether the first number of each line is larger than that of the line before: it counts frames.
+fn counts(text: &str) -> bool {
+    let first = text::lines(text).filter_map(|line| text::words(line).next()?.parse::<f64>().ok());
+    let first: Vec<f64> = first.collect();
+    first.len() > 1 && first.windows(2).all(|pair| pair[0] < pair[1])
 }
 
 /// The first corners moved by the homography of each row: nine numbers, row by row, or three lines of three.
