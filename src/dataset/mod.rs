@@ -7,6 +7,7 @@
 mod absence;
 mod annotation;
 mod check;
+pub mod convert;
 mod decode;
 mod dense;
 mod error;
