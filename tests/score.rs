@@ -514,7 +514,7 @@ fn benchmarks_are_reported_with_their_captions() {
         .args(["--report-as", "nothing"])
         .assert()
         .code(2)
-        .stderr(contains("planartrack, pot, vot, tmt, otb"));
+        .stderr(contains("planartrack, pot, vot, tmt, otb, longterm"));
     program(path)
         .args([
             "run",

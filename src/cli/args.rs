@@ -298,7 +298,7 @@ pub struct TableArgs {
     /// How many trackers to show (0: all)
     #[arg(long, value_name = "N", default_value = "20")]
     pub top: usize,
-    /// Print the figures of a benchmark instead: planartrack, pot, vot, tmt or otb
+    /// Print the figures of a benchmark instead: planartrack, pot, vot, tmt, otb or longterm
     #[arg(long, value_name = "BENCHMARK", value_parser = benchmark)]
     pub report_as: Option<&'static Benchmark>,
     /// With --report-as: the benchmark's published figures below ours

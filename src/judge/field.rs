@@ -50,10 +50,49 @@ pub enum Of {
     MeanComplementTracked,
     /// Number of frames without output, or of failures that the tracker was started anew after, per sequence.
     Lost,
+    /// Share of the frames without the object in which the tracker gives corners and does not say that it is absent.
+    FalsePresence,
+    /// Share of the frames with the object in which the tracker says that it is absent, or gives nothing.
+    MissedPresence,
+    /// Mean number of frames from the return of the object to the first with a value of at most so much; all frames until the
+    /// next absence where there is none.
+    Redetection(f64),
+    /// Area under the curve of true against false positives of "the value is at most so much" by the logged confidence, which
+    /// a frame without output has least of; equal confidences count half.
+    ConfidenceArea(f64),
 }
 
 impl Of {
-    /// From the values of a sequence's frames or of all, infinite without output.
+    /// From the frames that count of a sequence or of all, in their order. NaN where there are none that it is of.
+    fn figure(self, frames: &[Seen], metric: &Metric) -> f64 {
+        let value = |seen: &Seen| match (seen.tracked, seen.truth, metric.definition) {
+            (Some(tracked), Some(truth), Definition::Corners(of)) => of(&tracked, &truth),
+            _ => f64::INFINITY,
+        };
+        let present = || frames.iter().filter(|seen| seen.truth.is_some());
+        let absent = || frames.iter().filter(|seen| seen.truth.is_none());
+        let share = |hits: usize, all: usize| hits as f64 / all as f64;
+        match self {
+            Of::FalsePresence => {
+                let wrong = absent().filter(|seen| seen.tracked.is_some() && !seen.says_absent);
+                share(wrong.count(), absent().count())
+            }
+            Of::MissedPresence => {
+                let missed = present().filter(|seen| seen.says_absent || seen.tracked.is_none());
+                share(missed.count(), present().count())
+            }
+            Of::Redetection(most) => redetection(frames, |seen| value(seen) <= most),
+            Of::ConfidenceArea(most) => {
+                let mut by_confidence: Vec<(f64, bool)> = present()
+                    .map(|seen| (seen.confidence, value(seen) <= most))
+                    .collect();
+                roc_area(&mut by_confidence)
+            }
+            _ => self.value(&present().map(value).collect::<Vec<f64>>()),
+        }
+    }
+
+    /// From the values of frames with the object, infinite without output.
     fn value(self, values: &[f64]) -> f64 {
         let n = values.len() as f64;
         let share = |fits: &dyn Fn(f64) -> bool| values.iter().filter(|v| fits(**v)).count() as f64 / n;
@@ -76,8 +115,44 @@ impl Of {
                 tracked.iter().map(|v| 1.0 - v).sum::<f64>() / tracked.len() as f64
             }
             Of::Lost => values.iter().filter(|v| v.is_infinite()).count() as f64,
+            // Of more than values.
+            Of::FalsePresence | Of::MissedPresence | Of::Redetection(_) | Of::ConfidenceArea(_) => f64::NAN,
         }
     }
+}
+
+/// See [`Of::Redetection`].
+fn redetection(frames: &[Seen], holds: impl Fn(&Seen) -> bool) -> f64 {
+    let stretches: Vec<&[Seen]> = frames
+        .chunk_by(|a, b| a.truth.is_some() == b.truth.is_some())
+        .collect();
+    // A return follows an absence.
+    let returns = stretches
+        .windows(2)
+        .map(|pair| pair[1])
+        .filter(|stretch| stretch[0].truth.is_some());
+    let waits: Vec<usize> = returns
+        .map(|stretch| stretch.iter().position(&holds).unwrap_or(stretch.len()))
+        .collect();
+    waits.iter().sum::<usize>() as f64 / waits.len() as f64
+}
+
+/// Area under the ROC curve of `(confidence, right)`, by ranks; NaN where a confidence is not known, or all or none are right.
+fn roc_area(frames: &mut [(f64, bool)]) -> f64 {
+    if frames.iter().any(|(confidence, _)| confidence.is_nan()) {
+        return f64::NAN;
+    }
+    frames.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut ranks, mut before) = (0.0, 0);
+    for equal in frames.chunk_by(|a, b| a.0 == b.0) {
+        // The mean of the ranks from before + 1 on.
+        let rank = before as f64 + (equal.len() + 1) as f64 / 2.0;
+        ranks += rank * equal.iter().filter(|(_, right)| *right).count() as f64;
+        before += equal.len();
+    }
+    let right = frames.iter().filter(|(_, right)| *right).count() as f64;
+    let wrong = frames.len() as f64 - right;
+    (ranks - right * (right + 1.0) / 2.0) / (right * wrong)
 }
 
 /// A figure of a benchmark.
@@ -127,7 +202,7 @@ const fn planartrack(tracker: &'static str, figures: &'static [f64]) -> Publishe
 const NONE: f64 = f64::NAN;
 
 /// All benchmarks.
-pub static BENCHMARKS: [Benchmark; 5] = [
+pub static BENCHMARKS: [Benchmark; 6] = [
     Benchmark {
         name: "planartrack",
         quantities: &[
@@ -223,6 +298,19 @@ pub static BENCHMARKS: [Benchmark; 5] = [
         source: "Wu, Lim, Yang, Object tracking benchmark, TPAMI 2015; Müller et al., TrackingNet, ECCV 2018",
         published: &[],
     },
+    Benchmark {
+        name: "longterm",
+        quantities: &[
+            quantity("false presence", al::METRIC, Of::FalsePresence),
+            quantity("missed presence", al::METRIC, Of::MissedPresence),
+            quantity("frames to re-detection", jaccard::METRIC, Of::Redetection(0.5)),
+            quantity("ROC area, al <= 5 px", al::METRIC, Of::ConfidenceArea(5.0)),
+            quantity("ROC area, IoU >= 0.5", jaccard::METRIC, Of::ConfidenceArea(0.5)),
+        ],
+        joined: Joined::Pooled,
+        source: "presence as in Valmadre et al., Long-term tracking in the wild, ECCV 2018; a return is found at an IoU of 0.5",
+        published: &[],
+    },
 ];
 
 impl Benchmark {
@@ -292,7 +380,12 @@ pub fn report(dir: &Path, benchmark: &Benchmark) -> Result<Vec<Row>, FieldError>
             let truth = &truth[unit.sequence as usize];
             let seen = match entry.and_then(|entry| entry.log) {
                 Some(_) => seen(&run, plan, unit, truth)?,
-                None if failed => vec![Seen::Lost; truth.scored(unit.start as usize)],
+                None if failed => {
+                    let all = unit.start as usize + 1..plan.sequences[unit.sequence as usize].frames;
+                    all.filter(|&i| truth.at(i).is_some() || truth.is_absent(i))
+                        .map(|i| Seen::lost(truth.at(i)))
+                        .collect()
+                }
                 None => return Err(FieldError::NoLogs(dir.to_path_buf())),
             };
             frames.push((*unit, seen));
@@ -320,7 +413,11 @@ pub fn report(dir: &Path, benchmark: &Benchmark) -> Result<Vec<Row>, FieldError>
                 tracker: tracker.id.clone(),
                 protocol: protocol.to_string(),
                 figures: benchmark.quantities.iter().map(figure).collect(),
-                frames: sequences.iter().map(|seen| seen.len()).sum(),
+                frames: sequences
+                    .iter()
+                    .flat_map(|seen| seen.iter())
+                    .filter(|seen| seen.truth.is_some())
+                    .count(),
             });
         }
     }
@@ -339,13 +436,29 @@ pub fn report(dir: &Path, benchmark: &Benchmark) -> Result<Vec<Row>, FieldError>
     Ok(rows)
 }
 
-/// A frame that counts.
+/// A frame that counts: one with the object, or where it is said not to be seen.
 #[derive(Clone, Copy, Debug)]
-enum Seen {
-    /// What the tracker gave, and the truth.
-    There(Corners, Corners),
-    /// No output, or a failure.
-    Lost,
+struct Seen {
+    /// What the tracker gave; none for a failure that it was started anew after.
+    tracked: Option<Corners>,
+    /// Where the object is; `None` where it cannot be seen.
+    truth: Option<Corners>,
+    /// The tracker said that it cannot.
+    says_absent: bool,
+    /// What it logged of how sure it is; least without output.
+    confidence: f64,
+}
+
+impl Seen {
+    /// Of a tracker that does not run.
+    fn lost(truth: Option<Corners>) -> Seen {
+        Seen {
+            tracked: None,
+            truth,
+            says_absent: false,
+            confidence: f64::NEG_INFINITY,
+        }
+    }
 }
 
 /// The frames that count of a unit's log.
@@ -357,33 +470,39 @@ fn seen(run: &RunDir, plan: &Plan, unit: &Unit, truth: &KeptTruth) -> Result<Vec
         reason,
     };
     let text = files::unpack(bytes).map_err(damaged)?;
-    let mut seen = Vec::new();
-    for frame in framelog::frames(&text).map_err(damaged)? {
-        let LoggedFrame {
-            frame,
-            status,
-            corners,
-        } = frame;
-        match (status.as_str(), corners, truth.at(frame)) {
-            (framelog::INIT | framelog::SKIPPED, ..) => {}
-            (framelog::FAILED, ..) | (_, None, Some(_)) => seen.push(Seen::Lost),
-            (_, Some(corners), Some(truth)) => seen.push(Seen::There(corners, truth)),
-            (_, _, None) => {}
+    let frames = framelog::frames(&text).map_err(damaged)?;
+    let counts = |logged: &LoggedFrame| {
+        let known = truth.at(logged.frame).is_some() || truth.is_absent(logged.frame);
+        (known || logged.status == framelog::FAILED)
+            && ![framelog::INIT, framelog::SKIPPED].contains(&logged.status.as_str())
+    };
+    let frame = |logged: LoggedFrame| {
+        let here = truth.at(logged.frame);
+        match logged.corners.filter(|_| logged.status != framelog::FAILED) {
+            // A failure counts with or without ground truth.
+            None if logged.status == framelog::FAILED => Seen::lost(here.or(logged.corners)),
+            tracked => Seen {
+                tracked,
+                truth: here,
+                says_absent: logged.status == framelog::ABSENT,
+                confidence: if tracked.is_some() {
+                    logged.similarity
+                } else {
+                    f64::NEG_INFINITY
+                },
+            },
         }
-    }
-    Ok(seen)
+    };
+    Ok(frames.into_iter().filter(counts).map(frame).collect())
 }
 
 fn figure(quantity: &Quantity, joined: Joined, sequences: &[&[Seen]]) -> f64 {
-    let value = |seen: &Seen| match (seen, quantity.metric.definition) {
-        (Seen::There(tracked, truth), Definition::Corners(of)) => of(tracked, truth),
-        _ => f64::INFINITY,
-    };
-    let values = |seen: &[Seen]| seen.iter().map(value).collect::<Vec<f64>>();
     match joined {
-        Joined::Pooled => quantity.of.value(&values(&sequences.concat())),
+        Joined::Pooled => quantity.of.figure(&sequences.concat(), &quantity.metric),
         Joined::PerSequence => {
-            let of_sequences = sequences.iter().map(|seen| quantity.of.value(&values(seen)));
+            let of_sequences = sequences
+                .iter()
+                .map(|seen| quantity.of.figure(seen, &quantity.metric));
             let defined: Vec<f64> = of_sequences.filter(|v| !v.is_nan()).collect();
             defined.iter().sum::<f64>() / defined.len() as f64
         }
@@ -419,11 +538,53 @@ mod tests {
     #[test]
     fn sequences_count_alike_or_frames_do() {
         let here = Corners::rect(0.0, 0.0, 10.0, 10.0);
-        let (good, bad) = (Seen::There(here, here), Seen::Lost);
+        let bad = Seen::lost(Some(here));
+        let good = Seen {
+            tracked: Some(here),
+            confidence: 1.0,
+            ..bad
+        };
         let sequences: [&[Seen]; 2] = [&[good, good, good], &[bad]];
         let p5 = quantity("", al::METRIC, Of::AtMost(5.0));
         assert_eq!(figure(&p5, Joined::Pooled, &sequences), 0.75);
         assert_eq!(figure(&p5, Joined::PerSequence, &sequences), 0.5);
+    }
+
+    #[test]
+    fn presence_and_confidence_by_hand() {
+        let here = Corners::rect(0.0, 0.0, 10.0, 10.0);
+        let seen = |truth: bool, tracked: Option<f64>, says_absent: bool, confidence: f64| Seen {
+            tracked: tracked.map(|by| here.translated(by, 0.0)),
+            truth: truth.then_some(here),
+            says_absent,
+            confidence,
+        };
+        let frames = [
+            seen(true, Some(0.0), false, 0.9),
+            seen(true, Some(8.0), true, 0.3),
+            // Gone for three frames, of which the tracker notices two.
+            seen(false, Some(0.0), false, 0.5),
+            seen(false, Some(0.0), true, 0.1),
+            seen(false, None, false, 0.0),
+            // Back, and found in the third.
+            seen(true, None, false, f64::NEG_INFINITY),
+            seen(true, Some(9.0), false, 0.9),
+            seen(true, Some(1.0), false, 0.8),
+        ];
+        let is = |of: Of, expected: f64| {
+            let value = of.figure(&frames, &al::METRIC);
+            assert!((value - expected).abs() < 1e-12, "{of:?} {value}");
+        };
+        is(Of::FalsePresence, 1.0 / 3.0);
+        is(Of::MissedPresence, 2.0 / 5.0);
+        is(Of::Redetection(5.0), 2.0);
+        // Right 0.9, 0.8; wrong 0.3, -inf, 0.9: of six pairs four are in order, and one is a tie.
+        is(Of::ConfidenceArea(5.0), 4.5 / 6.0);
+        is(Of::AtMost(5.0), 2.0 / 5.0);
+        assert!(Of::FalsePresence.figure(&frames[..2], &al::METRIC).is_nan());
+        assert!(Of::Redetection(5.0).figure(&frames[..5], &al::METRIC).is_nan());
+        let unknown = [frames[0], seen(true, Some(0.0), false, f64::NAN)];
+        assert!(Of::ConfidenceArea(5.0).figure(&unknown, &al::METRIC).is_nan());
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::dataset::Sequence;
 use crate::metric::MetricSet;
 use crate::panics;
 use crate::plan::{Protocol, Unit};
-use crate::store::framelog::{BROKEN, FAILED, INIT, Row, SKIPPED, round_corners};
+use crate::store::framelog::{ABSENT, BROKEN, FAILED, INIT, Row, SKIPPED, round_corners};
 use mtf::geom::{Corners, homography};
 use mtf::image::Frame;
 use mtf::tracker::{Stop, Tracker};
@@ -337,6 +337,7 @@ fn update(tracker: &mut dyn Tracker, frame: &Frame) -> (Row, bool) {
                 (_, Stop::Converged) => "converged",
                 (_, Stop::MaxIterations) => "max_iters",
                 (_, Stop::Done) => "ok",
+                (_, Stop::Absent) => ABSENT,
             };
             let row = Row {
                 corners,

@@ -35,6 +35,9 @@ pub const SKIPPED: &str = "skipped";
 /// Status of a frame for which there is no tracker that works.
 pub const BROKEN: &str = "broken";
 
+/// Status of a frame in which the tracker believes that the object cannot be seen; evaluated by its corners like any other.
+pub const ABSENT: &str = "absent";
+
 impl Row {
     /// A frame without a tracker.
     pub fn without_tracker(status: &'static str) -> Row {
@@ -242,6 +245,8 @@ pub struct LoggedFrame {
     pub status: String,
     /// See [`Row::corners`].
     pub corners: Option<Corners>,
+    /// See [`Row::similarity`]; NaN where the tracker has none.
+    pub similarity: f64,
 }
 
 /// The rows of a log written by [`format_log`].
@@ -250,6 +255,8 @@ pub struct LoggedFrame {
 /// What is wrong with the text.
 pub fn frames(text: &[u8]) -> Result<Vec<LoggedFrame>, String> {
     let mut reader = csv::Reader::from_reader(text);
+    let headers = reader.headers().map_err(|e| e.to_string())?;
+    let similarity = headers.iter().position(|name| name == "similarity");
     let mut frames = Vec::new();
     for record in reader.records() {
         let record = record.map_err(|e| e.to_string())?;
@@ -273,6 +280,7 @@ pub fn frames(text: &[u8]) -> Result<Vec<LoggedFrame>, String> {
                 .map_err(|_| format!("bad frame number {:?}", cell(0)))?,
             status: cell(2).to_owned(),
             corners,
+            similarity: similarity.and_then(|k| cell(k).parse().ok()).unwrap_or(f64::NAN),
         });
     }
     Ok(frames)

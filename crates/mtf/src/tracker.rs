@@ -15,6 +15,8 @@ pub enum Stop {
     MaxIterations,
     /// The search has no iterations to count (sampling methods, composites).
     Done,
+    /// The tracker believes that the object cannot be seen. Its corners are where it supposes the object to be.
+    Absent,
 }
 
 /// Result of one frame.
