@@ -65,10 +65,7 @@ pub enum Of {
 impl Of {
     /// From the frames that count of a sequence or of all, in their order. NaN where there are none that it is of.
     fn figure(self, frames: &[Seen], metric: &Metric) -> f64 {
-        let value = |seen: &Seen| match (seen.tracked, seen.truth, metric.definition) {
-            (Some(tracked), Some(truth), Definition::Corners(of)) => of(&tracked, &truth),
-            _ => f64::INFINITY,
-        };
+        let value = |seen: &Seen| seen.value(metric);
         let present = || frames.iter().filter(|seen| seen.truth.is_some());
         let absent = || frames.iter().filter(|seen| seen.truth.is_none());
         let share = |hits: usize, all: usize| hits as f64 / all as f64;
@@ -82,12 +79,7 @@ impl Of {
                 share(missed.count(), present().count())
             }
             Of::Redetection(most) => redetection(frames, |seen| value(seen) <= most),
-            Of::ConfidenceArea(most) => {
-                let mut by_confidence: Vec<(f64, bool)> = present()
-                    .map(|seen| (seen.confidence, value(seen) <= most))
-                    .collect();
-                roc_area(&mut by_confidence)
-            }
+            Of::ConfidenceArea(most) => roc_area(&mut confidences(frames, metric, most)),
             _ => self.value(&present().map(value).collect::<Vec<f64>>()),
         }
     }
@@ -121,14 +113,41 @@ impl Of {
     }
 }
 
+/// The confidence of each frame with the object, and whether its value is at most so much.
+fn confidences(frames: &[Seen], metric: &Metric, most: f64) -> Vec<(f64, bool)> {
+    let present = frames.iter().filter(|seen| seen.truth.is_some());
+    present
+        .map(|seen| (seen.confidence, seen.value(metric) <= most))
+        .collect()
+}
+
+/// False and true positive rates of `(confidence, right)` from the most to the least sure, after each hundredth of the frames;
+/// empty where there is no [area](roc_area) under them.
+fn roc(frames: &mut [(f64, bool)]) -> Vec<[f64; 2]> {
+    if roc_area(frames).is_nan() {
+        return Vec::new();
+    }
+    let all = frames.len();
+    let right = frames.iter().filter(|(_, right)| *right).count() as f64;
+    let wrong = all as f64 - right;
+    let at = |k: usize| {
+        let hits = frames[all - k..].iter().filter(|(_, right)| *right).count() as f64;
+        [(k as f64 - hits) / wrong, hits / right]
+    };
+    let mut steps: Vec<usize> = (0..=100).map(|k| k * all / 100).collect();
+    steps.dedup();
+    steps.into_iter().map(at).collect()
+}
+
 /// See [`Of::Redetection`].
 fn redetection(frames: &[Seen], holds: impl Fn(&Seen) -> bool) -> f64 {
     let stretches: Vec<&[Seen]> = frames
-        .chunk_by(|a, b| a.truth.is_some() == b.truth.is_some())
+        .chunk_by(|a, b| a.sequence == b.sequence && a.truth.is_some() == b.truth.is_some())
         .collect();
     // A return follows an absence.
     let returns = stretches
         .windows(2)
+        .filter(|pair| pair[0][0].sequence == pair[1][0].sequence)
         .map(|pair| pair[1])
         .filter(|stretch| stretch[0].truth.is_some());
     let waits: Vec<usize> = returns
@@ -343,6 +362,9 @@ pub struct Row {
     pub figures: Vec<f64>,
     /// Frames that count.
     pub frames: usize,
+    /// The ROC curve of the benchmark's first area under one: false and true positive rates, from none to all; empty where
+    /// there is none.
+    pub roc: Vec<[f64; 2]>,
 }
 
 /// Why there are no such figures.
@@ -383,7 +405,7 @@ pub fn report(dir: &Path, benchmark: &Benchmark) -> Result<Vec<Row>, FieldError>
                 None if failed => {
                     let all = unit.start as usize + 1..plan.sequences[unit.sequence as usize].frames;
                     all.filter(|&i| truth.at(i).is_some() || truth.is_absent(i))
-                        .map(|i| Seen::lost(truth.at(i)))
+                        .map(|i| Seen::lost(unit.sequence, truth.at(i)))
                         .collect()
                 }
                 None => return Err(FieldError::NoLogs(dir.to_path_buf())),
@@ -405,6 +427,15 @@ pub fn report(dir: &Path, benchmark: &Benchmark) -> Result<Vec<Row>, FieldError>
             let tracker = &plan.trackers[own[0].tracker as usize];
             let boxes = !tracker.answers.are_corners();
             let sequences: Vec<&[Seen]> = sequences.iter().map(|(_, seen)| &seen[..]).collect();
+            let roc = benchmark
+                .quantities
+                .iter()
+                .find_map(|quantity| match quantity.of {
+                    Of::ConfidenceArea(most) if !boxes || quantity.metric.of_boxes => {
+                        Some(roc(&mut confidences(&sequences.concat(), &quantity.metric, most)))
+                    }
+                    _ => None,
+                });
             let figure = |quantity: &Quantity| match boxes && !quantity.metric.of_boxes {
                 true => f64::NAN,
                 false => figure(quantity, benchmark.joined, &sequences),
@@ -412,6 +443,7 @@ pub fn report(dir: &Path, benchmark: &Benchmark) -> Result<Vec<Row>, FieldError>
             rows.push(Row {
                 tracker: tracker.id.clone(),
                 protocol: protocol.to_string(),
+                roc: roc.unwrap_or_default(),
                 figures: benchmark.quantities.iter().map(figure).collect(),
                 frames: sequences
                     .iter()
@@ -439,6 +471,8 @@ pub fn report(dir: &Path, benchmark: &Benchmark) -> Result<Vec<Row>, FieldError>
 /// A frame that counts: one with the object, or where it is said not to be seen.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
+    /// Number of the sequence.
+    sequence: u32,
     /// What the tracker gave; none for a failure that it was started anew after.
     tracked: Option<Corners>,
     /// Where the object is; `None` where it cannot be seen.
@@ -451,12 +485,23 @@ struct Seen {
 
 impl Seen {
     /// Of a tracker that does not run.
-    fn lost(truth: Option<Corners>) -> Seen {
+    fn lost(sequence: u32, truth: Option<Corners>) -> Seen {
         Seen {
+            sequence,
             tracked: None,
             truth,
             says_absent: false,
             confidence: f64::NEG_INFINITY,
+        }
+    }
+}
+
+impl Seen {
+    /// The value of a metric; infinite without output or object.
+    fn value(&self, metric: &Metric) -> f64 {
+        match (self.tracked, self.truth, metric.definition) {
+            (Some(tracked), Some(truth), Definition::Corners(of)) => of(&tracked, &truth),
+            _ => f64::INFINITY,
         }
     }
 }
@@ -480,8 +525,9 @@ fn seen(run: &RunDir, plan: &Plan, unit: &Unit, truth: &KeptTruth) -> Result<Vec
         let here = truth.at(logged.frame);
         match logged.corners.filter(|_| logged.status != framelog::FAILED) {
             // A failure counts with or without ground truth.
-            None if logged.status == framelog::FAILED => Seen::lost(here.or(logged.corners)),
+            None if logged.status == framelog::FAILED => Seen::lost(unit.sequence, here.or(logged.corners)),
             tracked => Seen {
+                sequence: unit.sequence,
                 tracked,
                 truth: here,
                 says_absent: logged.status == framelog::ABSENT,
@@ -538,7 +584,7 @@ mod tests {
     #[test]
     fn sequences_count_alike_or_frames_do() {
         let here = Corners::rect(0.0, 0.0, 10.0, 10.0);
-        let bad = Seen::lost(Some(here));
+        let bad = Seen::lost(0, Some(here));
         let good = Seen {
             tracked: Some(here),
             confidence: 1.0,
@@ -554,6 +600,7 @@ mod tests {
     fn presence_and_confidence_by_hand() {
         let here = Corners::rect(0.0, 0.0, 10.0, 10.0);
         let seen = |truth: bool, tracked: Option<f64>, says_absent: bool, confidence: f64| Seen {
+            sequence: 0,
             tracked: tracked.map(|by| here.translated(by, 0.0)),
             truth: truth.then_some(here),
             says_absent,

@@ -251,7 +251,7 @@ pub fn field_table(
                 .map(figure)
                 .collect();
             serde_json::json!({
-                "tracker": row.tracker, "protocol": row.protocol, "frames": row.frames, "figures": figures,
+                "tracker": row.tracker, "protocol": row.protocol, "frames": row.frames, "figures": figures, "roc": row.roc,
             })
         };
         let published = benchmark.published.iter().filter(|_| with_published).map(|p| {
