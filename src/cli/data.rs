@@ -2,7 +2,7 @@
 
 use super::args::{SelectionArgs, TruthArgs};
 use super::console::print;
-use super::exit;
+use super::exit::{self, Failure};
 use super::experiment::{sequences, warn_of};
 use super::program::Program;
 use crate::dataset::convert::{self, TARGETS, Target};

@@ -18,7 +18,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// A form of datasets that can be written.
-pub trait Target: Sync {
+pub trait Target: Sync + std::fmt::Debug {
     /// Its name on the command line: that of the format that reads it.
     fn name(&self) -> &'static str;
     /// What it is, in a line.

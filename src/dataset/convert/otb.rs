@@ -6,6 +6,7 @@ use super::{Parts, Target, frames, lost, text};
 use mtf::geom::Corners;
 use std::path::Path;
 
+#[derive(Debug)]
 pub(super) struct Otb;
 
 /// How far two coordinates of a box may differ that should be one, px: below what anyone measures.

@@ -5,6 +5,7 @@ use super::super::{Origin, Sequence};
 use super::{Parts, Target, frames, lost, quads, text};
 use std::path::Path;
 
+#[derive(Debug)]
 pub(super) struct PlanarTrack;
 
 impl Target for PlanarTrack {

@@ -7,6 +7,7 @@ use super::{Parts, Target, frames, lost, quads, text};
 use mtf::geom::{Corners, homography};
 use std::path::Path;
 
+#[derive(Debug)]
 pub(super) struct Pot;
 
 impl Target for Pot {

@@ -4,6 +4,7 @@ use super::super::{Origin, Sequence};
 use super::{Parts, Target, extension, frames, lost, quads, text};
 use std::path::Path;
 
+#[derive(Debug)]
 pub(super) struct Vot;
 
 impl Target for Vot {
