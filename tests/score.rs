@@ -269,10 +269,8 @@ fn the_first_row_is_found_out_or_asked_for() {
         (&2.into(), &0.25.into())
     );
     put(path, "every/T/seq0.txt", &rows((0..5).step_by(2), 0.25));
-    assert_eq!(
-        score(path, &["every", "--frame-gap", "2"])[0]["al_mean"],
-        0.25.into()
-    );
+    let scored = score(path, &["every", "--frame-gap", "2"]);
+    assert_eq!(scored[0]["al_mean"].as_f64(), Some(0.25));
 }
 
 fn boxes_are_scored_by_what_they_say() {
