@@ -15,6 +15,7 @@ crate::tests! {
     trackers_with_other_settings_are_paired;
     the_gate_names_other_settings_in_one_line;
     refuses_what_does_not_compare;
+    all_trackers_are_ranked_in_groups;
     warns_of_few_sequences;
     the_gate_reports_to_ci_services;
     the_page_on_ci_works_as_written;
@@ -71,7 +72,9 @@ fn finds_the_tracker_that_changed() {
         .args(["compare", "a", "again"])
         .assert()
         .success()
-        .stdout(contains("no difference: 36 runs of 3 trackers equal"));
+        .stdout(contains(
+            "no difference: 36 units (one tracker on one sequence each) of 3 trackers equal",
+        ));
     let found = json(dir, &["a", "b"]);
     let found = &found["comparisons"][0];
     assert_eq!((&found["units"], &found["trackers"]), (&36.into(), &3.into()));
@@ -346,8 +349,50 @@ fn the_gate_reports_to_ci_services() {
         1,
     );
     fs::write(dir.join("baseline.json"), worse).unwrap();
-    check(&["--junit", "junit.xml", "--summary-md", "summary.md"]).code(10);
+    let reports = [
+        "--junit",
+        "junit.xml",
+        "--summary-md",
+        "summary.md",
+        "--code-quality",
+        "quality.json",
+    ];
+    check(&reports).code(10);
     let (xml, summary) = (read("junit.xml"), read("summary.md"));
+    // Times of all cases, frames of the one that failed.
+    let cases = xml.lines().filter(|line| line.contains("<testcase name=\"data/"));
+    assert!(
+        cases.clone().count() == 4 && cases.clone().all(|case| case.contains(" time=\"")),
+        "{xml}"
+    );
+    assert!(
+        xml.contains("no frame above 5 px; worst frames: ") && xml.contains(" px)"),
+        "{xml}"
+    );
+    let issues: Value = serde_json::from_str(&read("quality.json")).unwrap();
+    let [issue] = issues.as_array().unwrap().as_slice() else {
+        panic!("{issues}")
+    };
+    assert_eq!(
+        (&issue["check_name"], &issue["severity"]),
+        (&"mtf-eval/drop".into(), &"major".into())
+    );
+    assert_eq!(issue["location"]["path"], "baseline.json");
+    let line = issue["location"]["lines"]["begin"].as_u64().unwrap() as usize;
+    assert!(
+        read("baseline.json")
+            .lines()
+            .nth(line - 1)
+            .unwrap()
+            .contains("\"seq1\"")
+    );
+    assert!(
+        issue["description"]
+            .as_str()
+            .unwrap()
+            .contains("sr_5 1.5000 -> 1.0000")
+    );
+    assert_eq!(issue["fingerprint"].as_str().unwrap().len(), 64);
     assert!(
         xml.contains(r#"failures="1""#) && xml.contains("sr_5 1.5000 -&gt; 1.0000 (tolerance 0.01)"),
         "{xml}"
@@ -374,6 +419,58 @@ fn the_gate_reports_to_ci_services() {
             .and(contains("-0.5000"))
             .and(contains("updated; 1 worse")),
     );
+}
+
+fn all_trackers_are_ranked_in_groups() {
+    let dir = with_data();
+    let dir = dir.path();
+    run(dir, "a", &["--sm", "esm,iclk"]);
+    run(dir, "b", &["--sm", "fclk", "--set", "max_iters=1"]);
+    let compared = program(dir)
+        .args(["compare", "a", "b", "--all-pairs"])
+        .assert()
+        .success();
+    compared.stdout(
+        contains("mean rank")
+            .and(contains("groups"))
+            .and(contains("3 of 3 trackers over 12 sequences, protocol ope"))
+            .and(contains("trackers that share a letter do not differ: "))
+            .and(contains("(Friedman)")),
+    );
+    let found = json(dir, &["a", "b", "--all-pairs", "--figures", "al_mean"]);
+    let ranking = &found["rankings"][0];
+    let trackers = ranking["trackers"].as_array().unwrap();
+    assert_eq!(
+        (trackers.len(), ranking["pairs"].as_array().unwrap().len()),
+        (3, 3)
+    );
+    let ranks = trackers.iter().map(|t| t["mean_rank"].as_f64().unwrap());
+    let ranks: Vec<f64> = ranks.collect();
+    assert!(
+        ranks.is_sorted() && (ranks.iter().sum::<f64>() - 6.0).abs() < 1e-9,
+        "{ranks:?}"
+    );
+    for pair in ranking["pairs"].as_array().unwrap() {
+        let [a, b] = ["a", "b"].map(|k| {
+            trackers[pair[k].as_u64().unwrap() as usize]["groups"]
+                .as_str()
+                .unwrap()
+        });
+        let differ = pair["p_holm"].as_f64().unwrap() <= 0.05;
+        assert_eq!(differ, !a.chars().any(|letter| b.contains(letter)), "{ranking:#}");
+    }
+    // Too few sequences to tell anything apart.
+    run(dir, "few", &["--sm", "esm,iclk", "--seq", "seq[0-3]"]);
+    let few = program(dir)
+        .args(["compare", "few", "--all-pairs"])
+        .assert()
+        .success();
+    few.stderr(contains("no two trackers can differ: take more sequences"));
+    let alone = program(dir)
+        .args(["compare", "b", "--all-pairs"])
+        .assert()
+        .code(11);
+    alone.stderr(contains("no two trackers under one protocol"));
 }
 
 /// The commands of docs/ci.md, in their order, as they stand there.

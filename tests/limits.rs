@@ -73,7 +73,7 @@ fn time_limits_end_a_long_start() {
         .timeout(std::time::Duration::from_secs(120))
         .assert()
         .code(75)
-        .stderr(contains("0 of 3 units done"));
+        .stderr(contains("0 of 3 units (one tracker on one sequence each) done"));
     run(dir.path())
         .args([
             "--tracker",

@@ -41,6 +41,7 @@ mod sweep;
 mod synth;
 mod trackers;
 mod truth;
+mod words;
 
 fn main() -> std::process::ExitCode {
     if std::env::var_os(extending_metric_exporter::PROGRAM).is_some() {
@@ -83,6 +84,7 @@ fn main() -> std::process::ExitCode {
         synth::TESTS,
         trackers::TESTS,
         truth::TESTS,
+        words::TESTS,
     ])
 }
 

@@ -295,7 +295,7 @@ fn a_tracker_that_loses_the_object_is_started_anew() {
         .assert()
         .success()
         .stdout(contains("no difference"))
-        .stderr(contains("runs of compared trackers are in whole alone"));
+        .stderr(contains("of compared trackers are in whole alone"));
     program(dir)
         .args(["compare", "every:5", "reinit"])
         .assert()
@@ -358,7 +358,7 @@ fn grids_list_protocols() {
         .args(["status", "out", "--format", "json"])
         .assert()
         .success()
-        .stdout(contains("\"units\": 16"));
+        .stdout(contains("\"units\":16"));
     let journal = fs::read(dir.join("out/journal.jsonl")).unwrap();
     program(dir)
         .args(run)

@@ -364,9 +364,10 @@ fn homographies_go_the_way_that_is_said() {
     put(
         path,
         "lines/T/seq0.txt",
-        &matrices(1.0)
-            .replace(" 0 1 ", "\n0 1 ")
-            .replace(" 0 0 1", "\n0 0 1"),
+        &(0..4).fold(String::new(), |mut text, f| {
+            let _ = writeln!(text, "1 0 {}\n0 1 {}\n0 0 1", f as f64 / 3.0, f as f64 / 5.0);
+            text
+        }),
     );
     assert!(
         score(path, &["lines", "--homographies", "from-first"])[0]["al_mean"]

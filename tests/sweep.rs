@@ -160,7 +160,7 @@ fn a_merge_names_what_is_missing_and_refuses_what_does_not_match() {
         .assert()
         .code(21)
         .stderr(
-            contains("4 of 15 units are missing")
+            contains("4 of 15 units (one tracker on one sequence each) are missing")
                 .and(contains("\n  slice:2/3 lacks 4\n"))
                 .and(contains(" on data/seq"))
                 .and(contains("and 2 more")),

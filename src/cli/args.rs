@@ -1,5 +1,6 @@
 //! Arguments that commands share, as clap takes them from the command line. No logic, no commands.
 
+use super::console::Console;
 use super::exit::Failure;
 use super::values::{
     assignment, at_least_one, at_least_two, channels, duration, non_negative, positive, resolution, size,
@@ -27,13 +28,14 @@ pub struct Messages {
         help_heading = "Messages"
     )]
     pub quiet: bool,
-    /// Say more on stderr (a line per unit)
+    /// Say more on stderr: a line per tracker and sequence
     #[arg(short, long, global = true, action = clap::ArgAction::Count, help_heading = "Messages")]
     pub verbose: u8,
     /// Colours on stderr
     #[arg(
         long,
         global = true,
+        hide_short_help = true,
         value_name = "WHEN",
         default_value = "auto",
         help_heading = "Messages"
@@ -43,11 +45,15 @@ pub struct Messages {
     #[arg(
         long,
         global = true,
+        hide_short_help = true,
         value_name = "HOW",
         default_value = "auto",
         help_heading = "Messages"
     )]
     pub progress: ProgressMode,
+    /// Indent JSON on stdout
+    #[arg(long, global = true, help_heading = "Messages", hide_short_help = true)]
+    pub pretty: bool,
 }
 
 /// When to colour.
@@ -87,16 +93,18 @@ pub struct ExperimentArgs {
     /// Which frames.
     #[command(flatten)]
     pub selection: SelectionArgs,
-    /// Where trackers start, comma separated: ope (the first frame, one pass), subseq[:n] (n frames, a pass from each to the
-    /// end; 10), reinit[:thresh:skip] (anew skip frames after an error above thresh px or no output; 20:5), every[:k] (anew
-    /// every k frames; 10) [default: ope]
+    /// Where trackers start: ope, subseq, reinit, every [default: ope]
+    ///
+    /// Comma separated: ope, subseq[:n], reinit[:thresh:skip], every[:k]. ope: on the first frame, one pass. subseq: on n
+    /// frames (10), a pass from each to the end. reinit: anew, skip frames (5) after an error above thresh px (20) or no
+    /// output. every: anew every k frames (10).
     #[arg(long, value_name = "LIST", help_heading = "Frames")]
     pub protocol: Option<Protocols>,
     /// Seed of all randomness [default: 0]
     #[arg(long, value_name = "N", help_heading = "Execution")]
     pub seed: Option<u64>,
-    /// Fail a unit whose start and updates take longer than this together
-    #[arg(long, value_name = "SECONDS", value_parser = positive, help_heading = "Execution")]
+    /// Fail a tracker on a sequence when its start and updates take longer than this together, s
+    #[arg(long, value_name = "SECONDS", value_parser = positive, help_heading = "Execution", hide_short_help = true)]
     pub timeout: Option<f64>,
     /// Where the corners of each frame go.
     #[command(flatten)]
@@ -106,8 +114,9 @@ pub struct ExperimentArgs {
 /// What is kept of each frame.
 #[derive(Args, Clone, Debug)]
 pub struct FrameLogArgs {
-    /// Corners of each frame: a CSV file per unit (the default), compressed, or none (the journal keeps the errors)
-    #[arg(long, value_name = "HOW", help_heading = "Execution")]
+    /// Corners of each frame: a CSV file per tracker and sequence (the default), compressed, or none (the journal keeps the
+    /// errors)
+    #[arg(long, value_name = "HOW", help_heading = "Execution", hide_short_help = true)]
     pub frame_logs: Option<FrameLogsArg>,
 }
 
@@ -115,8 +124,9 @@ pub struct FrameLogArgs {
 #[derive(Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Trackers")]
 pub struct TrackerArgs {
-    /// Search methods: names, groups (lk, gradient, stochastic, robust, composite) or `all`, comma separated
-    /// [default: esm]
+    /// Search methods, comma separated, or `all` [default: esm]
+    ///
+    /// Names as in `list sm`, or groups: lk, gradient, stochastic, robust, composite.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub sm: Vec<String>,
     /// Appearance models [default: ssd]
@@ -128,36 +138,40 @@ pub struct TrackerArgs {
     /// Illumination models: gb, pgb, rbf, none or `all` [default: none]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub ilm: Vec<String>,
-    /// A tracker by expression, such as `iclk/ssd+gb/affine{max_iters=50}`; repeatable
+    /// A tracker, such as `iclk/ssd+gb/affine{max_iters=50}`; repeatable
     #[arg(long = "tracker", value_name = "EXPR")]
     pub expressions: Vec<String>,
     /// Only trackers whose id matches, such as `*/ncc/*`; repeatable
-    #[arg(long, value_name = "GLOB")]
+    #[arg(long, value_name = "GLOB", hide_short_help = true)]
     pub include: Vec<String>,
     /// No trackers whose id matches; repeatable
-    #[arg(long, value_name = "GLOB")]
+    #[arg(long, value_name = "GLOB", hide_short_help = true)]
     pub exclude: Vec<String>,
-    /// Set a parameter: `esm.max_iters=50` or `sm.esm.max_iters=50`; repeatable (see `list params`)
+    /// Set a parameter of `list params`, such as `esm.max_iters=50`; repeatable
+    ///
+    /// `sm.esm.max_iters=50` where several parts have the same name.
     #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
     pub set: Vec<(String, String)>,
     /// Parameters as published instead of this program's defaults (`list params` shows both); what is set otherwise stays
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     pub paper: bool,
     /// Samples of the template, columns x rows [default: 50x50]
-    #[arg(long, value_name = "WxH", value_parser = resolution)]
+    #[arg(long, value_name = "WxH", value_parser = resolution, hide_short_help = true)]
     pub res: Option<Resolution>,
     /// Most iterations per frame [default: 30]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), hide_short_help = true)]
     pub max_iters: Option<u32>,
-    /// Corner movement below which the search has converged [default: 1e-4]
-    #[arg(long, value_name = "X", value_parser = non_negative)]
+    /// Converged when the corners' squared motion, summed over all eight coordinates, falls below this, px² [default: 1e-4]
+    #[arg(long, value_name = "PX²", value_parser = non_negative, hide_short_help = true)]
     pub epsilon: Option<f64>,
     /// Image channels to track in: 1 (gray) or 3 [default: 1]
-    #[arg(long, value_name = "N", value_parser = channels)]
+    #[arg(long, value_name = "N", value_parser = channels, hide_short_help = true)]
     pub channels: Option<usize>,
-    /// Filter applied to each frame, or several separated by commas: `none`, `gaussian[:size[:sigma]]`, `box[:size]`,
-    /// `median[:size]` and others (see `list filters`) [default: gaussian:5:3]
-    #[arg(long, value_name = "FILTER")]
+    /// Filter of frames: none, or of `list filters` [default: gaussian:5:3]
+    ///
+    /// Several are separated by commas: `gaussian[:size[:sigma]]`, `box[:size]`, `median[:size]` and others; sizes and sigma in
+    /// px.
+    #[arg(long, value_name = "FILTER", hide_short_help = true)]
     pub pre: Option<String>,
 }
 
@@ -165,7 +179,7 @@ pub struct TrackerArgs {
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Frames")]
 pub struct SelectionArgs {
-    /// Only sequences whose name or data set/name matches; repeatable
+    /// Only sequences of this name, or data set/name; repeatable
     #[arg(long, value_name = "GLOB", value_delimiter = ',')]
     pub seq: Vec<String>,
     /// Only sequences with this tag; repeatable (any of them)
@@ -179,14 +193,14 @@ pub struct SelectionArgs {
     pub frame_gap: Option<usize>,
     /// Fit the ground truth with this warp (translation, isometry, ...) from each start, to judge trackers of few degrees of
     /// freedom by what they can follow
-    #[arg(long, value_name = "SSM")]
+    #[arg(long, value_name = "SSM", hide_short_help = true)]
     pub gt_ssm: Option<String>,
     /// How images with 16 bits per channel become 8: scale (v / 257), minmax (least to greatest value of each image), shift:N
     /// (v >> N, of data with 8 + N bits) [default: scale]
-    #[arg(long, value_name = "RULE")]
+    #[arg(long, value_name = "RULE", hide_short_help = true)]
     pub depth16: Option<Depth16>,
     /// What to do with a sequence whose data is faulty [default: fail]
-    #[arg(long, value_name = "WHAT")]
+    #[arg(long, value_name = "WHAT", hide_short_help = true)]
     pub on_bad_data: Option<OnBadData>,
     /// How ground truth is read.
     #[command(flatten)]
@@ -197,22 +211,22 @@ pub struct SelectionArgs {
 #[derive(Args, Clone, Copy, Debug, Default)]
 #[command(next_help_heading = "Frames")]
 pub struct TruthArgs {
-    /// Coordinate that the ground truth gives to the centre of the first pixel: 0, 0.5 (its corner is at 0), 1 or 1.5 (the
+    /// Coordinate that the ground truth gives to the centre of the first pixel, px: 0, 0.5 (its corner is at 0), 1 or 1.5 (the
     /// same counted from 1) [default: `origin` in meta.json, else what the format has; `data info` shows it]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", hide_short_help = true)]
     pub origin: Option<Origin>,
     /// The four numbers of boxes: xywh, xyxy (two corners) or cxcywh (centre) [default: `box` in meta.json, else xywh]
-    #[arg(long = "box", value_name = "FORM")]
+    #[arg(long = "box", value_name = "FORM", hide_short_help = true)]
     pub boxes: Option<BoxForm>,
     /// The first row of ground truth is for the frame of this number (in its name, or counted from 1 where names have none)
     /// [default: `truth_start` in meta.json, else the first frame]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", hide_short_help = true)]
     pub truth_start: Option<u64>,
     /// Frames from a row of ground truth to the next, in these numbers [default: `truth_step` in meta.json, else 1]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), hide_short_help = true)]
     pub truth_step: Option<u64>,
     /// Refuse a start that lies partly outside the image, instead of tracking it with a warning
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     pub strict: bool,
 }
 
@@ -250,36 +264,39 @@ pub struct ExecutionArgs {
     #[arg(long)]
     pub force: bool,
     /// Keep results in --out that another build of the program made
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     pub mix_builds: bool,
     /// Run a part only, to be joined by `merge`: slice:i/n (equal cost) or hash:i/n, i from 1
-    #[arg(long, value_name = "PART")]
+    #[arg(long, value_name = "PART", hide_short_help = true)]
     pub shard: Option<Shard>,
-    /// Worker threads (never changes a result) [default: SLURM_CPUS_PER_TASK, else all cores]
+    /// Worker threads [default: SLURM_CPUS_PER_TASK, else all cores]
+    ///
+    /// Never changes a result.
     #[arg(short = 'j', long, value_name = "N", value_parser = threads)]
     pub threads: Option<usize>,
     /// Threads that a single tracker may use: particle filters, nearest neighbours and grids share out their work (never
     /// changes a result)
-    #[arg(long, value_name = "N", default_value = "1", value_parser = threads)]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = threads, hide_short_help = true)]
     pub threads_per_tracker: usize,
-    /// Memory for trackers, such as 4G: one that needs more fails, others run in turn [default: half of the
+    /// Memory for trackers, bytes or such as 4G (GiB): one that needs more fails, others run in turn [default: half of the
     /// machine's or the Slurm job's, at most 3G]
-    #[arg(long, value_name = "SIZE", value_parser = size)]
+    #[arg(long, value_name = "SIZE", value_parser = size, hide_short_help = true)]
     pub memory: Option<u64>,
-    /// Stop after this time (90, 90s, 15m, 2h) as by a signal: exit 75, run again to go on
+    /// Stop after this time, s or such as 15m, 2h: exit 75; run again to go on
     #[arg(long, value_name = "TIME", value_parser = duration)]
     pub max_time: Option<Duration>,
-    /// Time for units in progress to end after SIGTERM, SIGINT, SIGUSR1 or --max-time; a second signal ends at once
-    #[arg(long, value_name = "TIME", default_value = "20s", value_parser = duration)]
+    /// Time for what is being tracked to end after SIGTERM, SIGINT, SIGUSR1 or --max-time, s or such as 2m; a second signal
+    /// ends at once
+    #[arg(long, value_name = "TIME", default_value = "20s", value_parser = duration, hide_short_help = true)]
     pub grace: Duration,
 }
 
 /// Where frame logs go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum FrameLogsArg {
-    /// A CSV file per unit
+    /// A CSV file per tracker and sequence
     Csv,
-    /// A CSV file per unit, compressed (Zstandard)
+    /// The same, compressed (Zstandard)
     Zst,
     /// Nowhere
     None,
@@ -289,10 +306,15 @@ pub enum FrameLogsArg {
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Output")]
 pub struct TableArgs {
-    /// Format of the result on stdout
+    /// Form of the result: a row per tracker; json: sequences, too
+    ///
+    /// table and md: the --top trackers, success rates as shares of frames, errors in px. csv: the rows of summary.csv, all
+    /// trackers. json: the document of summary.json without curves, all trackers, on one line; --pretty indents it.
     #[arg(long, value_name = "FORMAT", default_value = "table")]
     pub format: Format,
-    /// Column to sort by, best first
+    /// Column to sort by, best first: auc, fps, tracker, ...
+    ///
+    /// All of them are in `list metrics`.
     #[arg(long, value_name = "COLUMN", default_value = "auc")]
     pub sort: String,
     /// How many trackers to show (0: all)
@@ -316,12 +338,13 @@ impl TableArgs {
     ///
     /// # Errors
     /// There is no such column to sort by.
-    pub fn options(&self, metrics: &MetricSet, colour: bool) -> Result<TableOptions, Failure> {
+    pub fn options(&self, metrics: &MetricSet, console: &Console) -> Result<TableOptions, Failure> {
         Ok(TableOptions {
             format: self.format,
             sort: parse_sort(metrics, &self.sort).map_err(|e| Failure::usage(format!("--sort: {e}")))?,
             top: self.top,
-            colour,
+            colour: console.table_colour,
+            pretty: console.pretty,
         })
     }
 }

@@ -73,7 +73,7 @@ pub struct BasinArgs {
     /// A row per image as well
     #[arg(long, help_heading = "Output")]
     pub each: bool,
-    /// Form of the table
+    /// Form of the table: a row per tracker, image and sigma
     #[arg(long, value_name = "FORM", default_value = "table", help_heading = "Output")]
     pub format: Format,
 }

@@ -12,10 +12,10 @@ use crate::measure::bench::{
     self, BenchReport, BenchRequest, BenchRow, MEASUREMENT_FORMAT_VERSION, MeasuredSequence, Measurement,
 };
 use crate::measure::machine::Machine;
-use crate::report::{Format, bars_svg, render};
+use crate::report::{Format, bars_svg, json_text, render};
 use crate::run::pool;
 use crate::store::{Durable, write_atomic};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Mutex;
@@ -45,25 +45,33 @@ pub struct BenchArgs {
     /// Timed passes over each sequence, after one to warm up
     #[arg(long, value_name = "N", default_value = "5", value_parser = at_least_one, help_heading = "Measurement")]
     pub repeats: usize,
-    /// No further pass for a tracker that has spent as long on a sequence
-    #[arg(long, value_name = "SECONDS", default_value = "5", value_parser = positive, help_heading = "Measurement")]
+    /// No further pass for a tracker that has spent as long on a sequence, s
+    #[arg(long, value_name = "SECONDS", default_value = "5", value_parser = positive, help_heading = "Measurement", hide_short_help = true)]
     pub budget: f64,
     /// Threads that a tracker may use: particle filters, nearest neighbours and grids share out their work
-    #[arg(long, value_name = "N", default_value = "1", value_parser = at_least_one, help_heading = "Measurement")]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = at_least_one, help_heading = "Measurement", hide_short_help = true)]
     pub threads_per_tracker: usize,
     /// Seed of all randomness
-    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Measurement")]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        help_heading = "Measurement",
+        hide_short_help = true
+    )]
     pub seed: u64,
     /// Mark trackers with fewer frames per second, input included
-    #[arg(long, value_name = "N", value_parser = positive, help_heading = "Measurement")]
+    #[arg(long, value_name = "FPS", value_parser = positive, help_heading = "Measurement")]
     pub target_fps: Option<f64>,
-    /// Fail (exit code 10) when an update takes longer on average, in microseconds
+    /// Fail (exit code 10) when an update takes longer on average, us (microseconds)
     #[arg(long, value_name = "US", value_parser = positive, help_heading = "Measurement")]
     pub fail_above: Option<f64>,
     /// Fail (exit code 10) when there are fewer updates per second
     #[arg(long, value_name = "FPS", value_parser = positive, help_heading = "Measurement")]
     pub fail_below: Option<f64>,
-    /// Compare with a saved measurement, of this program on the same data and filter or of another program
+    /// Compare with a saved measurement
+    ///
+    /// Of this program on the same data and filter, or of another program.
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     pub against: Option<PathBuf>,
     /// Save the measurement (JSON)
@@ -72,7 +80,9 @@ pub struct BenchArgs {
     /// Draw frames per second as bars (SVG)
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     pub chart: Option<PathBuf>,
-    /// Form of the result on stdout
+    /// Form of the result: a row per tracker, times in us; json: as --save
+    ///
+    /// JSON is on one line; --pretty indents it. With --against it has the other measurement's rows under `against`.
     #[arg(long, value_name = "FORMAT", default_value = "table", help_heading = "Output")]
     pub format: Format,
 }
@@ -149,7 +159,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
     }
     let groups = groups(&measured, others.as_ref());
     let text = match args.format {
-        Format::Json => json(&measured, &groups, args.target_fps),
+        Format::Json => console.json(&json(&measured, &groups, args.target_fps)),
         format => Shown {
             measured: &measured,
             compared: others.is_some(),
@@ -160,7 +170,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
     };
     print(&text)?;
     if let Some(path) = &args.save {
-        write(path, &pretty(&measured))?;
+        write(path, &json_text(&measured, true))?;
     }
     if let Some(path) = &args.chart {
         let cores = match args.threads_per_tracker {
@@ -171,7 +181,8 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
             "frames per second of update time on {cores}, logarithmic (median error); {}",
             measured.machine.cpu
         );
-        let svg = bars_svg(&groups, "Speed of trackers", &note).map_err(Failure::usage)?;
+        let title = format!("Speed of trackers on {}", subject(&measured.data));
+        let svg = bars_svg(&groups, &title, &note).map_err(Failure::usage)?;
         write(path, &svg)?;
     }
     for (tracker, reason) in &measured.failed {
@@ -238,6 +249,19 @@ fn comparable(
     Ok(())
 }
 
+/// `builtin: 3 sequences, 180 frames`
+fn subject(data: &[MeasuredSequence]) -> String {
+    let dataset = |s: &MeasuredSequence| s.sequence.rsplit_once('/').map_or("", |(d, _)| d).to_owned();
+    let datasets: BTreeSet<String> = data.iter().map(dataset).collect();
+    let names: Vec<&str> = datasets.iter().map(String::as_str).collect();
+    let frames: usize = data.iter().map(|s| s.frames).sum();
+    let sequences = match data.len() {
+        1 => "1 sequence".to_owned(),
+        n => format!("{n} sequences"),
+    };
+    format!("{}: {sequences}, {frames} frames", names.join(", "))
+}
+
 /// What breaks `--fail-above` and `--fail-below`, a line each.
 fn too_slow(measured: &Measurement, args: &BenchArgs) -> Vec<String> {
     let mut lines = Vec::new();
@@ -276,11 +300,6 @@ fn write(path: &Path, text: &str) -> Result<(), Failure> {
     write_atomic(path, Durable::Now, |w| w.write_all(text.as_bytes())).map_err(Failure::usage)
 }
 
-fn pretty(value: &impl serde::Serialize) -> String {
-    // Strings and numbers always serialise.
-    serde_json::to_string_pretty(value).unwrap_or_default() + "\n"
-}
-
 /// Each row of ours, then the rows of the other measurement about the same tracker.
 fn groups<'a>(measured: &'a Measurement, others: Option<&'a Measurement>) -> Vec<Vec<&'a BenchRow>> {
     let like = |ours: &'a BenchRow| {
@@ -303,7 +322,7 @@ fn below(measured: &Measurement, target: f64) -> Vec<&str> {
         .collect()
 }
 
-fn json(measured: &Measurement, groups: &[Vec<&BenchRow>], target: Option<f64>) -> String {
+fn json(measured: &Measurement, groups: &[Vec<&BenchRow>], target: Option<f64>) -> serde_json::Value {
     let mut value = serde_json::to_value(measured).unwrap_or_default();
     let compared: Vec<serde_json::Value> = groups
         .iter()
@@ -324,7 +343,7 @@ fn json(measured: &Measurement, groups: &[Vec<&BenchRow>], target: Option<f64>) 
         value["target_fps"] = target.into();
         value["below_target"] = below(measured, target).into();
     }
-    pretty(&value)
+    value
 }
 
 /// What a table is made of.
@@ -343,12 +362,12 @@ impl Shown<'_> {
             "us/iteration",
             "iterations",
             "us/frame",
-            "median",
-            "p95",
+            "median us",
+            "p95 us",
             "fps",
             "fps with input",
             "SR@5",
-            "AL median",
+            "AL median px",
             "frames",
         ]
         .map(str::to_owned)
@@ -495,6 +514,18 @@ fn frame_counts(groups: &[Vec<&BenchRow>]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn charts_say_what_they_are_of() {
+        let one = |sequence: &str, frames: usize| MeasuredSequence {
+            sequence: sequence.to_owned(),
+            frames,
+            ..MeasuredSequence::default()
+        };
+        assert_eq!(subject(&[one("tmt/book", 60)]), "tmt: 1 sequence, 60 frames");
+        let two = [one("tmt/book", 60), one("builtin/wall", 30)];
+        assert_eq!(subject(&two), "builtin, tmt: 2 sequences, 90 frames");
+    }
 
     #[test]
     fn numbers_of_frames_are_explained() {

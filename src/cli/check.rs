@@ -4,13 +4,16 @@ mod report;
 
 use super::console::{Console, print, print_data_line};
 use super::exit;
+use crate::files;
 use crate::judge::baseline::{Baseline, recorded_command};
+use crate::judge::cases::cases;
 use crate::judge::gate::{Finding, at_ceiling, gate};
 use crate::judge::tolerances::{Tolerance, Tolerances};
 use crate::metric::MetricSet;
 use crate::report::{
-    Format, junit,
+    Format, code_quality, json_text, junit,
     text::{markdown, one_line},
+    with_frames,
 };
 use crate::store::held::{Finished, finished};
 use crate::store::{Durable, write_atomic};
@@ -36,10 +39,10 @@ pub struct CheckArgs {
     /// beside the baseline, if there is one. A percentage ("2%") is of the baseline's value
     #[arg(long, value_name = "FILE")]
     pub tolerances: Option<PathBuf>,
-    /// Largest fall of SR@5 [default: 0.01]
+    /// Largest fall of SR@5, a share of the frames [default: 0.01]
     #[arg(long, value_name = "RATE|%")]
     pub tol_sr5: Option<Tolerance>,
-    /// Largest fall of the AUC [default: 0.005]
+    /// Largest fall of the AUC, which is at most 1 [default: 0.005]
     #[arg(long, value_name = "AREA|%")]
     pub tol_auc: Option<Tolerance>,
     /// Largest rise of the median alignment error, px [default: 0.05]
@@ -48,16 +51,24 @@ pub struct CheckArgs {
     /// No tolerance: every difference from the baseline fails, for better or worse, and so does what is not in it
     #[arg(long, conflicts_with_all = ["tolerances", "tol_sr5", "tol_auc", "tol_median", "update_baseline"])]
     pub exact: bool,
-    /// Replace the baseline by this run's figures and show what changes
+    /// Replace the baseline by what this run gives, and show what changes
     #[arg(long)]
     pub update_baseline: bool,
     /// Write a JUnit XML report: a test suite per tracker, a test case per sequence
+    ///
+    /// Cases have times in s; messages of what got worse name the first frame above 5 px and the worst frames.
     #[arg(long, value_name = "FILE", conflicts_with = "update_baseline")]
     pub junit: Option<PathBuf>,
+    /// Write a code quality report for GitLab (JSON): an issue at each line of the baseline that fails
+    #[arg(long, value_name = "FILE", conflicts_with = "update_baseline")]
+    pub code_quality: Option<PathBuf>,
     /// Write a summary in Markdown. Where $GITHUB_STEP_SUMMARY names a file, the summary is appended there as well
     #[arg(long, value_name = "FILE")]
     pub summary_md: Option<PathBuf>,
-    /// Form of the list of changes
+    /// Form of the list of changes: a row per value that got worse; json has everything found
+    ///
+    /// table and md: what got worse, then what stands in the way and the verdict. csv: what got worse alone. json: one object
+    /// with the verdict, all changes, and what is missing, failed or added, on one line; --pretty indents it.
     #[arg(long, value_enum, default_value_t)]
     pub format: Format,
     /// How many changes tables show (0: all)
@@ -145,6 +156,7 @@ pub fn run(
         now.write(&args.baseline)?;
         let update = Update {
             name: args.baseline.display().to_string(),
+            pretty: console.pretty,
             old: old.as_ref(),
             now: &now,
         };
@@ -153,7 +165,9 @@ pub fn run(
         summarise(args, &update.text(Format::Md, args.top))?;
         let failed = results.failed_runs();
         if failed > 0 {
-            console.warn(&format!("{failed} failed runs are now part of the baseline"));
+            console.warn(&format!(
+                "{failed} failed units (one tracker on one sequence each) are now part of the baseline"
+            ));
         }
         warn_if_saturated(&now, args, console);
         return Ok(ExitCode::SUCCESS);
@@ -168,16 +182,42 @@ pub fn run(
         tolerances: &tolerances,
         metrics,
         top: args.top,
+        pretty: console.pretty,
     };
     print(&report.text(args.format))?;
     print_data_line(data.as_deref(), args.format, console)?;
-    if let Some(path) = &args.junit {
-        let xml = junit(&old, &findings, &tolerances)?;
-        write_atomic(path, Durable::Now, |w| w.write_all(xml.as_bytes()))?;
+    if args.junit.is_some() || args.code_quality.is_some() {
+        let cases = cases(&dir, metrics, &with_frames(&findings))?;
+        if let Some(path) = &args.junit {
+            let xml = junit(&old, &findings, &tolerances, &cases)?;
+            write_atomic(path, Durable::Now, |w| w.write_all(xml.as_bytes()))?;
+        }
+        if let Some(path) = &args.code_quality {
+            let text = files::read(&args.baseline, files::Kind::RESULTS)?;
+            let text = String::from_utf8_lossy(&text);
+            let name = in_repository(&args.baseline);
+            let json = code_quality(&name, &text, &findings, &tolerances, &cases);
+            write_atomic(path, Durable::Now, |w| w.write_all(json.as_bytes()))?;
+        }
     }
     let data = data.map_or(String::new(), |line| format!("\n{}\n", markdown(&line)));
     summarise(args, &(report.markdown(&dir) + &data))?;
     Ok(ExitCode::from(exit::of_conclusion(findings.conclusion())))
+}
+
+/// The path of a file as from the root of the repository that GitLab has checked out; without it as it is.
+fn in_repository(path: &Path) -> String {
+    let root = std::env::var_os("CI_PROJECT_DIR").filter(|root| !root.is_empty());
+    let inside = root.and_then(|root| {
+        let whole = path.canonicalize().ok()?;
+        Some(
+            whole
+                .strip_prefix(Path::new(&root).canonicalize().ok()?)
+                .ok()?
+                .to_owned(),
+        )
+    });
+    inside.as_deref().unwrap_or(path).display().to_string()
 }
 
 /// There is no baseline yet: how to get one.
@@ -221,6 +261,7 @@ fn summarise(args: &CheckArgs, markdown: &str) -> anyhow::Result<()> {
 /// A baseline replaced by another.
 struct Update<'a> {
     name: String,
+    pretty: bool,
     old: Option<&'a Baseline>,
     now: &'a Baseline,
 }
@@ -234,7 +275,7 @@ impl Update<'_> {
         };
         let diff = gate(old, now, &Tolerances::none(&now.metrics));
         if format == Format::Json {
-            return json(&diff, None);
+            return json_text(&json(&diff, None), self.pretty);
         }
         let changes: Vec<&Finding> = diff
             .drops
@@ -373,6 +414,7 @@ mod tests {
                 verbose: 0,
                 color: When::Never,
                 progress: ProgressMode::None,
+                pretty: false,
             };
             let console = Console::new(&messages);
             let run_command = |command: &[String]| {
@@ -457,6 +499,7 @@ mod tests {
                 tolerances: &tolerances,
                 metrics: &metrics,
                 top: 20,
+                pretty: false,
             };
             report.text(format)
         };
@@ -487,6 +530,7 @@ mod tests {
 
         let update = Update {
             name: "baseline.json".to_owned(),
+            pretty: false,
             old: Some(&bad),
             now: &part,
         };

@@ -29,9 +29,9 @@ pub enum Command {
     Run(Box<run::RunArgs>),
     /// Say what an experiment contains, what it costs and how it is cut into shards
     Plan(Box<plan::PlanArgs>),
-    /// Say how far a run directory is: exit 0 complete, 20 some units failed, 21 units missing
+    /// Say how far a run directory is: exit 0 complete, 20 something failed, 21 something is missing
     Status(status::StatusArgs),
-    /// Join the run directories of shards into one: exit 21 and nothing written when units are missing
+    /// Join the run directories of shards into one: exit 21 and nothing written when one is incomplete
     Merge(merge::MergeArgs),
     /// Compare a run with a recorded baseline: exit 0 or 10
     Check(check::CheckArgs),
@@ -113,6 +113,41 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
+    }
+
+    /// Names of values that are no counts, and so have a unit.
+    const MEASURED: [&str; 8] = ["X", "F", "SIGMA", "RATE|%", "AREA|%", "RATE", "TIME", "SECONDS"];
+    /// Units, and words of numbers that have none.
+    const UNITS: [&str; 11] = [
+        "px",
+        "gray level",
+        "share",
+        "factor",
+        ", s",
+        "degrees",
+        "us (",
+        "plain number",
+        "0 to 1",
+        "at most 1",
+        "distance from",
+    ];
+
+    #[test]
+    fn numbers_have_units() {
+        let mut program = Cli::command();
+        program.build();
+        for command in program.get_subcommands() {
+            let takes_values = |arg: &&clap::Arg| arg.get_action().takes_values();
+            for arg in command.get_arguments().filter(takes_values) {
+                let name = arg
+                    .get_value_names()
+                    .and_then(|names| names.first())
+                    .map_or("", |n| n.as_str());
+                let help = arg.get_help().map_or(String::new(), ToString::to_string);
+                let told = !MEASURED.contains(&name) || UNITS.iter().any(|unit| help.contains(unit));
+                assert!(told, "{} --{}: {help}", command.get_name(), arg.get_id());
+            }
+        }
     }
 
     #[test]

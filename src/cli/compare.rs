@@ -1,11 +1,14 @@
 //! `mtf-eval compare`: what changed between runs, and whether it is more than chance.
 
+mod pairs;
+
 use super::console::{Console, print, print_data_line};
 use super::exit::{Failure, Outcome};
 use super::program::Program;
 use super::values::rate;
 use crate::judge::compare::{
     Comparison, Doubt, FigureChange, FinishedRun, Options, TrackerChange, Verdict, compare_all, parse_figure,
+    rank_all,
 };
 use crate::metric::aggregate::Average;
 use crate::report::{Format, render};
@@ -16,10 +19,14 @@ use std::process::ExitCode;
 /// Compare runs: what changed, and whether it is more than chance
 ///
 /// First what is equal to the last digit, tracker by tracker and sequence by sequence. For each tracker that changed: the
-/// figures in both runs, the 95 % interval of their difference over sequences (a paired bootstrap) and `q`, the p value
-/// adjusted for the number of changed trackers and figures. `~` stands where the interval spans 0, `~ (q)` where the
-/// interval, which is of one change alone, leaves out 0 but q exceeds --fdr: other sequences might show the opposite.
-/// Trackers that differ by settings alone (--set max_iters=2) are compared with each other. Exit code 11: the runs have another protocol, other data or other thresholds.
+/// figures (numbers such as the AUC) in both runs, the 95 % interval of their difference over sequences (a paired
+/// bootstrap) and `q`, the p value adjusted for the number of changed trackers and figures. `~` stands where the interval
+/// spans 0, `~ (q)` where the interval, which is of one change alone, leaves out 0 but q exceeds --fdr: other sequences
+/// might show the opposite. Trackers that differ by settings alone (--set max_iters=2) are compared with each other. Exit
+/// code 11: the runs have another protocol, other data or other thresholds.
+///
+/// --all-pairs ranks trackers instead. On each sequence the best has rank 1. Two trackers that share a letter do not differ:
+/// the p value of their difference over sequences, corrected for the number of pairs after Holm, exceeds --fdr.
 #[derive(clap::Args, Debug)]
 pub struct CompareArgs {
     /// Run directories; each is compared with the first, or with --reference
@@ -29,7 +36,12 @@ pub struct CompareArgs {
     /// times for several references
     #[arg(long = "reference", value_name = "TRACKER")]
     pub references: Vec<String>,
-    /// Figures to compare: auc, sr_1 to sr_20, sr_area, al_mean, mcd_mean, cl_mean, jaccard_mean
+    /// All trackers of all runs beside each other: mean ranks over sequences, and letters of the groups that do not differ
+    #[arg(long, conflicts_with = "references")]
+    pub all_pairs: bool,
+    /// Figures (columns of the table) to compare: auc, sr_1 to sr_20, sr_area, al_mean, mcd_mean, cl_mean, jaccard_mean
+    ///
+    /// --all-pairs takes the first.
     #[arg(
         long,
         value_name = "LIST",
@@ -40,19 +52,25 @@ pub struct CompareArgs {
     /// Over all frames, or over sequences alike
     #[arg(long, value_enum, value_name = "HOW", default_value = "pooled")]
     pub average: AverageArg,
-    /// False discovery rate: the share of false ones among the changes called better or worse
+    /// False discovery rate: the share of false ones among the changes called better or worse, 0 to 1
+    ///
+    /// With --all-pairs: the chance of even one false difference.
     #[arg(long, value_name = "RATE", default_value = "0.05", value_parser = rate)]
     pub fdr: f64,
     /// Bootstrap samples
-    #[arg(long, value_name = "N", default_value = "10000", value_parser = clap::value_parser!(u32).range(100..))]
+    #[arg(long, hide_short_help = true, value_name = "N", default_value = "10000", value_parser = clap::value_parser!(u32).range(100..))]
     pub resamples: u32,
     /// Seed of the bootstrap
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
-    /// Form of the result
+    /// Form of the result: a row per tracker and figure; json: everything, unchanged trackers left out
+    ///
+    /// With --all-pairs a row per tracker; json then has the tests of all pairs. JSON is on one line; --pretty indents it.
     #[arg(long, value_name = "FORMAT", default_value = "table")]
     pub format: Format,
     /// How many changes tables show, each tracker and protocol being one (0: all)
+    ///
+    /// With --all-pairs: how many trackers are compared, those with the best figure.
     #[arg(long, value_name = "N", default_value_t = 20)]
     pub top: usize,
 }
@@ -73,9 +91,10 @@ pub enum AverageArg {
 /// Directories that hold no finished run; runs that do not compare.
 pub fn run(args: &CompareArgs, program: &Program) -> Outcome {
     let console = &program.console;
-    if args.runs.len() < 2 && args.references.is_empty() {
+    if args.runs.len() < 2 && args.references.is_empty() && !args.all_pairs {
         return Err(Failure::usage(
-            "give two runs, or one and --reference TRACKER to compare its trackers with one of them",
+            "give two runs, or one and --reference TRACKER to compare its trackers with one of them, or one and --all-pairs \
+             to rank them",
         ));
     }
     let metrics = &program.catalogue.metrics;
@@ -98,21 +117,35 @@ pub fn run(args: &CompareArgs, program: &Program) -> Outcome {
         .iter()
         .map(|dir| Ok(FinishedRun::read(dir, metrics)?))
         .collect::<Result<_, Failure>>()?;
-    let found = compare_all(&runs, &args.references, &options)?;
-    let text = match args.format {
-        Format::Json => json(&found, &options),
-        Format::Csv => csv(&found),
-        Format::Table | Format::Md => {
-            let each: Vec<String> = found.iter().map(|c| people(c, args, console)).collect();
-            each.join("\n")
-        }
+    let (text, warnings) = if args.all_pairs {
+        let found = rank_all(&runs, args.top, &options)?;
+        let text = match args.format {
+            Format::Json => console.json(&pairs::json(&found, &options)),
+            Format::Csv => pairs::csv(&found),
+            format => pairs::people(&found, &options, format, console.table_colour),
+        };
+        (
+            text,
+            found.into_iter().flat_map(|r| r.warnings).collect::<Vec<_>>(),
+        )
+    } else {
+        let found = compare_all(&runs, &args.references, &options)?;
+        let text = match args.format {
+            Format::Json => console.json(&json(&found, &options)),
+            Format::Csv => csv(&found),
+            Format::Table | Format::Md => {
+                let each: Vec<String> = found.iter().map(|c| people(c, args, console)).collect();
+                each.join("\n")
+            }
+        };
+        (text, found.into_iter().flat_map(|c| c.warnings).collect())
     };
     print(&text)?;
     for run in &runs {
         let line = run.data.line().map(|line| format!("{}: {line}", run.name));
         print_data_line(line.as_deref(), args.format, console)?;
     }
-    for warning in found.iter().flat_map(|c| &c.warnings) {
+    for warning in &warnings {
         console.warn(warning);
     }
     Ok(ExitCode::SUCCESS)
@@ -161,14 +194,17 @@ fn people(found: &Comparison, args: &CompareArgs, console: &Console) -> String {
         let judged = |c: &&TrackerChange| c.figures.first().is_some_and(|f| f.verdict == verdict);
         found.changed.iter().filter(judged).count()
     };
-    let runs = count(found.units, "run");
+    let units = format!(
+        "{} (one tracker on one sequence each)",
+        count(found.units, "unit")
+    );
     let summary = match found.changed.len() {
         0 => format!(
-            "no difference: {runs} of {} equal",
+            "no difference: {units} of {} equal",
             count(found.trackers, "tracker")
         ),
         n => format!(
-            "{} of {} changed{}, in {} of {runs}; {} better, {} worse, {} unclear",
+            "{} of {} changed{}, in {} of {units}; {} better, {} worse, {} unclear",
             found.trackers_changed,
             count(found.trackers, "tracker"),
             match found.cases == found.trackers {
@@ -308,8 +344,8 @@ fn csv(found: &[Comparison]) -> String {
     render(&header, &rows, Format::Csv, false)
 }
 
-fn json(found: &[Comparison], options: &Options) -> String {
-    let value: Value = json!({
+fn json(found: &[Comparison], options: &Options) -> Value {
+    json!({
         "tool": env!("CARGO_PKG_NAME"),
         "version": env!("CARGO_PKG_VERSION"),
         "average": options.average,
@@ -317,6 +353,5 @@ fn json(found: &[Comparison], options: &Options) -> String {
         "resamples": options.resamples,
         "seed": options.seed,
         "comparisons": found,
-    });
-    format!("{value:#}\n")
+    })
 }

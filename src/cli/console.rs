@@ -16,6 +16,8 @@ pub struct Console {
     colour: bool,
     /// Whether tables on stdout are coloured.
     pub table_colour: bool,
+    /// Whether JSON on stdout is indented.
+    pub pretty: bool,
 }
 
 impl Console {
@@ -31,7 +33,13 @@ impl Console {
             verbose: messages.verbose,
             colour: colour(io::stderr().is_terminal()),
             table_colour: colour(io::stdout().is_terminal()),
+            pretty: messages.pretty,
         }
+    }
+
+    /// JSON for stdout: a line, or indented if that was asked for.
+    pub fn json(&self, value: &impl serde::Serialize) -> String {
+        crate::report::json_text(value, self.pretty)
     }
 
     fn say(&self, colour: &str, word: &str, message: &str) {

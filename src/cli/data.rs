@@ -53,7 +53,7 @@ enum DataCommand {
         /// Datasets: folders, or `builtin` for the embedded one
         #[arg(value_name = "DATA", default_value = dataset::BUILTIN)]
         paths: Vec<PathBuf>,
-        /// How to print
+        /// Form of the list: table, or json: a document with a row per sequence (one line; --pretty indents it)
         #[arg(long, value_enum, default_value_t)]
         format: InfoFormat,
         /// Decode every frame and cover its pixels in the fingerprint
@@ -190,7 +190,7 @@ fn info(
                 .map(|(name, rows)| json!({ "name": name, "sequences": rows }))
                 .collect();
             let document = json!({ "schema_version": 1, "datasets": sets });
-            print(&format!("{document:#}\n"))?;
+            print(&program.console.json(&document))?;
         }
         InfoFormat::Table => print(&table(&sets, program.console.table_colour))?,
     }

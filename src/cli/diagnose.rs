@@ -1,7 +1,7 @@
 //! `mtf-eval diagnose`: analytic against numeric derivatives.
 
 use super::args::TruthArgs;
-use super::console::print;
+use super::console::{Console, print};
 use super::exit::{self, Failure, Outcome};
 use super::program::Program;
 use super::values::resolution;
@@ -46,10 +46,10 @@ pub struct DiagnoseArgs {
     /// Frames between the template and the current patch
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub gap: usize,
-    /// Sampling grid
+    /// Sampling grid, points
     #[arg(long, value_name = "COLSxROWS", default_value = "25x25", value_parser = resolution)]
     pub res: Resolution,
-    /// Size of the random state at which warps are differentiated (base-frame units)
+    /// Size of the random state at which warps are differentiated, 1 being the corners' RMS distance from their centre
     #[arg(long, value_name = "X", default_value_t = 0.02)]
     pub state: f64,
     /// Seed of random states and directions
@@ -58,13 +58,13 @@ pub struct DiagnoseArgs {
     /// Instead of checking, write the similarity and its derivatives along each parameter to this CSV file
     #[arg(long, value_name = "FILE")]
     pub sweep: Option<PathBuf>,
-    /// Sweep: largest increment (base-frame units)
+    /// Sweep: largest increment, 1 being the corners' RMS distance from their centre
     #[arg(long, value_name = "X", default_value_t = 0.2)]
     pub range: f64,
     /// Sweep: values per parameter
     #[arg(long, value_name = "N", default_value_t = 101)]
     pub steps: usize,
-    /// Form of the table
+    /// Form of the table: a row per derivative; json: an array of objects (one line; --pretty indents it)
     #[arg(long, value_enum, default_value_t)]
     pub format: Format,
 }
@@ -155,7 +155,7 @@ pub fn run(args: &DiagnoseArgs, program: &Program) -> Outcome {
             }
         }
     }
-    report(&checks, args.format)
+    report(&checks, args.format, &program.console)
 }
 
 /// The region of both frames at the corners of the first.
@@ -171,7 +171,7 @@ fn pair(
     })
 }
 
-fn report(checks: &[Check], format: Format) -> Outcome {
+fn report(checks: &[Check], format: Format, console: &Console) -> Outcome {
     let header = ["subject", "quantity", "error", "tolerance", "passed"];
     let rows: Vec<Vec<String>> = checks
         .iter()
@@ -186,7 +186,10 @@ fn report(checks: &[Check], format: Format) -> Outcome {
             ]
         })
         .collect();
-    print(&render(&header, &rows, format, false))?;
+    print(&match format {
+        Format::Json => console.json(&checks),
+        _ => render(&header, &rows, format, false),
+    })?;
     let failed = checks.iter().filter(|c| !c.passed()).count();
     if failed > 0 {
         return Err(Failure::new(

@@ -35,7 +35,7 @@ const DOCUMENTED: [(u8, &str); 8] = [
     (NOTHING, "filters selected nothing"),
     (CHECK_FAILED, "check, diagnose or a limit of bench failed"),
     (NOT_COMPARABLE, "not comparable"),
-    (FAILED, "some runs failed (the others are complete)"),
+    (FAILED, "something failed (all else is complete)"),
     (INCOMPLETE, "incomplete"),
     (STOPPED, "stopped early (run again)"),
 ];

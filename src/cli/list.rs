@@ -23,7 +23,9 @@ use std::process::ExitCode;
 pub struct ListArgs {
     /// What to list [default: an overview]
     pub what: Option<ListWhat>,
-    /// Format on stdout
+    /// Form of the list: a row per thing; json: an array of objects, without WHAT an object of arrays
+    ///
+    /// JSON is on one line; --pretty indents it.
     #[arg(long, value_name = "FORMAT", default_value = "table")]
     pub format: Format,
     /// Data to list, with `list data` [default: the embedded data set]
@@ -51,7 +53,7 @@ pub enum ListWhat {
     Params,
     /// Filters of frames
     Filters,
-    /// Error metrics and figures
+    /// Error metrics, and the figures (numbers of many frames) made of them
     Metrics,
     /// Sequences
     Data,
@@ -82,10 +84,10 @@ pub fn run(args: &ListArgs, program: &Program) -> Outcome {
     };
     let table = |l: &Listing| render(&l.header, &l.rows, args.format, false);
     let text = match (args.format, listings.as_slice()) {
-        (Format::Json, [one]) => format!("{:#}\n", json(one)),
+        (Format::Json, [one]) => program.console.json(&json(one)),
         (Format::Json, many) => {
             let all: Map<String, Value> = many.iter().map(|l| (l.title.to_owned(), json(l))).collect();
-            format!("{:#}\n", Value::Object(all))
+            program.console.json(&all)
         }
         (Format::Csv, many) => many.iter().map(table).collect::<Vec<_>>().join("\n"),
         (_, [one]) => format!("{}{}", table(one), one.note),

@@ -25,7 +25,7 @@ pub struct MergeArgs {
     /// Join results of different builds of the program
     #[arg(long)]
     pub mix_builds: bool,
-    /// How many missing units to name
+    /// How many missing units (one tracker on one sequence from one start) to name
     #[arg(long, value_name = "N", default_value = "10")]
     pub show: usize,
     /// Worker threads [default: all cores]
@@ -43,8 +43,7 @@ pub struct MergeArgs {
 pub fn run(args: &MergeArgs, program: &Program) -> Outcome {
     let catalogue = &program.catalogue;
     // Before anything is read.
-    args.table
-        .options(&catalogue.metrics, program.console.table_colour)?;
+    args.table.options(&catalogue.metrics, &program.console)?;
     let request = MergeRequest {
         parts: args.shards.clone(),
         out: args.out.clone(),
@@ -60,7 +59,10 @@ pub fn run(args: &MergeArgs, program: &Program) -> Outcome {
         Merged::Complete(report) => show(&report, &args.table, program),
         Merged::Incomplete(missing) => {
             let lacking = missing.missing.len();
-            let message = format!("incomplete: {lacking} of {} units are missing", missing.units);
+            let message = format!(
+                "incomplete: {lacking} of {} units (one tracker on one sequence each) are missing",
+                missing.units
+            );
             let mut failure = Failure::new(exit::INCOMPLETE, message);
             let shards = missing
                 .shards

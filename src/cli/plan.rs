@@ -18,7 +18,7 @@ pub struct PlanArgs {
     /// What would be run.
     #[command(flatten)]
     pub experiment: ExperimentArgs,
-    /// Estimate core-hours from N units, tracked for a few frames each
+    /// Estimate core-hours from N units (one tracker on one sequence), tracked for a few frames each
     #[arg(long, value_name = "N", default_value = "0", help_heading = "Plan")]
     pub measure: usize,
     /// Show how it would be cut: `N` or `slice:N` (equal cost), `hash:N` (stable when the plan grows)
@@ -27,7 +27,9 @@ pub struct PlanArgs {
     /// List the trackers, too
     #[arg(long, help_heading = "Plan")]
     pub list: bool,
-    /// Form of what is printed
+    /// Form of the totals, and of the shards (--shards) and trackers (--list) below them
+    ///
+    /// json: one object with the same under `shards` and `list`, on one line; --pretty indents it.
     #[arg(long, value_name = "FORMAT", default_value = "table", help_heading = "Plan")]
     pub format: Format,
 }
@@ -96,7 +98,7 @@ pub fn run(args: &PlanArgs, program: &Program) -> Outcome {
                 plan.trackers.iter().map(|t| t.id.clone()).collect(),
             );
         }
-        print(&format!("{:#}\n", Value::Object(value)))?;
+        print(&program.console.json(&value))?;
         return Ok(ExitCode::SUCCESS);
     }
     let table = |header: &[&str], rows: &[Vec<String>]| {

@@ -79,7 +79,9 @@ impl Observer for Progress<'_> {
                 0 => String::new(),
                 n => format!(" ({n} of {units} are done already)"),
             };
-            self.console.note(&format!("{pending} units to track{resumed}"));
+            self.console.note(&format!(
+                "{pending} units (one tracker on one sequence each) to track{resumed}"
+            ));
         }
         let begin = Begin {
             at: Instant::now(),
@@ -131,7 +133,7 @@ impl Observer for Progress<'_> {
         if !self.console.quiet {
             let seconds = grace.as_secs_f64();
             self.say(&format!(
-                "stopping: units in progress have {seconds} s to end (interrupt again to stop at once)"
+                "stopping: what is being tracked has {seconds} s to end (interrupt again to stop at once)"
             ));
         }
     }

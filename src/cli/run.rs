@@ -57,12 +57,11 @@ pub fn run(args: &RunArgs, program: &Program) -> Outcome {
     // Before the command there are but flags of messages, none of which has this value.
     let own = typed.iter().position(|word| word == "run").map_or(0, |at| at + 1);
     // Before anything runs.
-    args.table
-        .options(&program.catalogue.metrics, program.console.table_colour)?;
+    args.table.options(&program.catalogue.metrics, &program.console)?;
     let report = track(args, &typed[own..], program)?;
     if let Some(shard) = args.execution.shard {
         program.console.note(&format!(
-            "{shard}: {} units; join the shards with `mtf-eval merge`",
+            "{shard}: {} units (one tracker on one sequence each); join the shards with `mtf-eval merge`",
             report.units
         ));
     }
@@ -75,7 +74,7 @@ pub fn run(args: &RunArgs, program: &Program) -> Outcome {
 /// Wrong arguments, or stdout cannot be written to.
 pub fn show(report: &RunReport, args: &TableArgs, program: &Program) -> Outcome {
     let console = &program.console;
-    let options = args.options(&program.catalogue.metrics, console.table_colour)?;
+    let options = args.options(&program.catalogue.metrics, console)?;
     match args.report_as {
         Some(benchmark) => {
             let rows = field::report(&report.path, benchmark).map_err(Failure::usage)?;

@@ -96,7 +96,7 @@ pub enum Way {
 pub fn run(args: &ScoreArgs, program: &Program) -> Outcome {
     let (catalogue, console) = (&program.catalogue, &program.console);
     // Before anything is read.
-    args.table.options(&catalogue.metrics, console.table_colour)?;
+    args.table.options(&catalogue.metrics, console)?;
     let mut notes = DataNotes::default();
     let mut data = data(args, program, &mut notes)?;
     if let Some(name) = &args.gt_ssm {

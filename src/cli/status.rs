@@ -14,10 +14,10 @@ pub struct StatusArgs {
     /// Run directories
     #[arg(value_name = "DIR", required = true)]
     pub dirs: Vec<PathBuf>,
-    /// How many missing and failed units to name
+    /// How many missing and failed units (one tracker on one sequence from one start) to name
     #[arg(long, value_name = "N", default_value = "0")]
     pub show: usize,
-    /// Form of what is printed
+    /// Form of the result: a row per directory; json: an array of objects (one line; --pretty indents it)
     #[arg(long, value_name = "FORMAT", default_value = "table")]
     pub format: Format,
 }
@@ -55,7 +55,7 @@ pub fn run(args: &StatusArgs, program: &Program) -> Outcome {
                 Ok(value)
             };
             let list: Vec<serde_json::Value> = all.iter().map(value).collect::<Result<_, Failure>>()?;
-            print(&format!("{:#}\n", serde_json::Value::from(list)))?;
+            print(&console.json(&list))?;
         }
         format => print(&render(&header, &rows, format, console.table_colour))?,
     }

@@ -16,7 +16,7 @@ pub struct SynthArgs {
     #[arg(required_unless_present_any = ["builtin", "list_textures"])]
     pub out: Option<PathBuf>,
     /// Render the embedded dataset into DIR, one folder per sequence
-    #[arg(long, value_name = "DIR", conflicts_with = "out")]
+    #[arg(long, value_name = "DIR", conflicts_with = "out", hide_short_help = true)]
     pub builtin: Option<PathBuf>,
     /// List the textures and stop
     #[arg(long)]
@@ -35,19 +35,19 @@ pub struct SynthArgs {
     #[arg(long, value_name = "WHAT", help_heading = "Scene")]
     pub background: Option<String>,
     /// Shift amplitude of the background, px [default: 0]
-    #[arg(long, value_name = "PX", help_heading = "Scene")]
+    #[arg(long, value_name = "PX", help_heading = "Scene", hide_short_help = true)]
     pub pan: Option<String>,
     /// Blur of the background, sigma in px [default: 0]
-    #[arg(long, value_name = "PX", help_heading = "Scene")]
+    #[arg(long, value_name = "PX", help_heading = "Scene", hide_short_help = true)]
     pub defocus: Option<String>,
     /// Blur of the object, sigma in px: a soft lens [default: 0]
-    #[arg(long, value_name = "PX", help_heading = "Scene")]
+    #[arg(long, value_name = "PX", help_heading = "Scene", hide_short_help = true)]
     pub soften: Option<String>,
-    /// Texels per pixel in the first frame [default: the image fills the object, or with `same` and `still` the frame]
-    #[arg(long, value_name = "N", help_heading = "Scene")]
+    /// Texels (pixels of the texture) per px in the first frame [default: the image fills the object, or with `same` and `still` the frame]
+    #[arg(long, value_name = "N", help_heading = "Scene", hide_short_help = true)]
     pub density: Option<String>,
-    /// Intensities that the textures' 0 and 255 become [default: 0..255]
-    #[arg(long, value_name = "LO..HI", help_heading = "Scene")]
+    /// Gray levels that the textures' 0 and 255 become [default: 0..255]
+    #[arg(long, value_name = "LO..HI", help_heading = "Scene", hide_short_help = true)]
     pub tone: Option<String>,
     /// Size of the tracked box in the first frame, px [default: 120x96]
     #[arg(long = "box", value_name = "WxH", help_heading = "Scene")]
@@ -56,13 +56,25 @@ pub struct SynthArgs {
     #[arg(long, value_name = "X,Y", help_heading = "Scene", allow_hyphen_values = true)]
     pub at: Option<String>,
     /// Rotation of the box in the first frame, degrees [default: 0]
-    #[arg(long, value_name = "DEG", help_heading = "Scene", allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "DEG",
+        help_heading = "Scene",
+        allow_hyphen_values = true,
+        hide_short_help = true
+    )]
     pub turn: Option<String>,
-    /// Perspective of the box in the first frame: change of depth across it [default: 0]
-    #[arg(long, value_name = "F", help_heading = "Scene", allow_hyphen_values = true)]
+    /// Perspective of the box in the first frame: change of depth across it, as a share of the depth [default: 0]
+    #[arg(
+        long,
+        value_name = "F",
+        help_heading = "Scene",
+        allow_hyphen_values = true,
+        hide_short_help = true
+    )]
     pub lean: Option<String>,
     /// How far the object's sheet goes on beyond the box, px [default: 8]
-    #[arg(long, value_name = "PX", help_heading = "Scene")]
+    #[arg(long, value_name = "PX", help_heading = "Scene", hide_short_help = true)]
     pub margin: Option<String>,
 
     /// Family of warps: translation, isometry, similitude, affine, homography [default: homography]
@@ -72,47 +84,48 @@ pub struct SynthArgs {
     #[arg(long, value_name = "MODE", help_heading = "Motion")]
     pub mode: Option<String>,
     /// Corner motion of a random warp, standard deviation in px [default: 3]
-    #[arg(long, value_name = "PX", help_heading = "Motion")]
+    #[arg(long, value_name = "PX", help_heading = "Motion", hide_short_help = true)]
     pub sigma: Option<String>,
     /// Greatest corner displacement of a smooth motion, roughly, px [default: 30]
-    #[arg(long, value_name = "PX", help_heading = "Motion")]
+    #[arg(long, value_name = "PX", help_heading = "Motion", hide_short_help = true)]
     pub amplitude: Option<String>,
     /// Mean corner motion of a smooth motion, px per frame [default: 2]
     #[arg(long, value_name = "PX", help_heading = "Motion")]
     pub speed: Option<String>,
     /// Shift amplitude, px [default: from --amplitude, like the next four]
-    #[arg(long, value_name = "PX", help_heading = "Motion")]
+    #[arg(long, value_name = "PX", help_heading = "Motion", hide_short_help = true)]
     pub shift: Option<String>,
     /// Rotation amplitude, degrees
-    #[arg(long, value_name = "DEG", help_heading = "Motion")]
+    #[arg(long, value_name = "DEG", help_heading = "Motion", hide_short_help = true)]
     pub rotate: Option<String>,
-    /// Greatest magnification; its inverse is the least
-    #[arg(long, value_name = "F", help_heading = "Motion")]
+    /// Greatest magnification, a factor; its inverse is the least
+    #[arg(long, value_name = "F", help_heading = "Motion", hide_short_help = true)]
     pub zoom: Option<String>,
-    /// Amplitude of shear and of half the logarithm of the aspect ratio
-    #[arg(long, value_name = "F", help_heading = "Motion")]
+    /// Amplitude of shear and of half the logarithm of the aspect ratio, a plain number
+    #[arg(long, value_name = "F", help_heading = "Motion", hide_short_help = true)]
     pub stretch: Option<String>,
-    /// Perspective amplitude: change of depth across the box
-    #[arg(long, value_name = "F", help_heading = "Motion")]
+    /// Perspective amplitude: change of depth across the box, as a share of the depth
+    #[arg(long, value_name = "F", help_heading = "Motion", hide_short_help = true)]
     pub tilt: Option<String>,
     /// Bend the object like a page: shift of its points within its plane, px; writes dense ground truth [default: 0]
-    #[arg(long, value_name = "PX", help_heading = "Motion")]
+    #[arg(long, value_name = "PX", help_heading = "Motion", hide_short_help = true)]
     pub bend: Option<String>,
     /// Let corners leave the frame (otherwise the motion is scaled down until they stay inside)
-    #[arg(long, help_heading = "Motion")]
+    #[arg(long, help_heading = "Motion", hide_short_help = true)]
     pub allow_outside: bool,
 
-    /// Changes of light: a list of gain=LO..HI, bias=B, shadow=D, spot=S, vignette=D, and `object` to spare the rest
+    /// Changes of light: a list of gain=LO..HI (factors), bias=B (gray levels), shadow=D, spot=S, vignette=D (shares), and `object`
+    /// to spare the rest
     #[arg(long, value_name = "LIST", help_heading = "Effects")]
     pub light: Option<String>,
-    /// Gaussian noise, standard deviation in intensities 0-255 [default: 0]
+    /// Gaussian noise, standard deviation in gray levels [default: 0]
     #[arg(long, value_name = "SIGMA", help_heading = "Effects")]
     pub noise: Option<String>,
-    /// Motion blur: exposure as a fraction of the time between frames [default: 0]
+    /// Motion blur: exposure as a share of the time between frames [default: 0]
     #[arg(long, value_name = "F", help_heading = "Effects")]
     pub blur: Option<String>,
-    /// Greatest part of the object covered by patches that cross it [default: 0]
-    #[arg(long, value_name = "F", help_heading = "Effects")]
+    /// Greatest share of the object covered by patches that cross it [default: 0]
+    #[arg(long, value_name = "F", help_heading = "Effects", hide_short_help = true)]
     pub occlude: Option<String>,
 
     /// Frame size, px [default: 320x240]
@@ -124,14 +137,14 @@ pub struct SynthArgs {
     /// Seed of all randomness [default: 1]
     #[arg(long, value_name = "N", help_heading = "Output")]
     pub seed: Option<String>,
-    /// jpg or png [default: jpg]
+    /// Form of the frames: jpg or png [default: jpg]
     #[arg(long, value_name = "TYPE", help_heading = "Output")]
     pub format: Option<String>,
     /// JPEG quality, 1-100 [default: 95]
-    #[arg(long, value_name = "Q", help_heading = "Output")]
+    #[arg(long, value_name = "Q", help_heading = "Output", hide_short_help = true)]
     pub quality: Option<String>,
     /// What is hard about the sequence, for --tag
-    #[arg(long, value_name = "A,B", help_heading = "Output")]
+    #[arg(long, value_name = "A,B", help_heading = "Output", hide_short_help = true)]
     pub tags: Option<String>,
 }
 

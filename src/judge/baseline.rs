@@ -3,7 +3,7 @@
 
 use crate::files::{self, Kind};
 use crate::judge::change::Subject;
-use crate::metric::aggregate::{ALL_DATASETS, Average, POOLED, Results};
+use crate::metric::aggregate::{Average, Results};
 use crate::metric::{Figure, MetricSet, Score};
 use crate::store::summary::check_version;
 use crate::store::{Durable, FileError, write_atomic};
@@ -142,13 +142,7 @@ impl Baseline {
             .iter()
             .filter(|r| r.average == Average::Pooled)
             .map(|r| {
-                let subject = Subject {
-                    tracker: r.tracker.id.clone(),
-                    dataset: ALL_DATASETS.to_owned(),
-                    sequence: POOLED.to_owned(),
-                    start: 0,
-                    protocol: r.protocol.clone(),
-                };
+                let subject = Subject::pooled(&r.tracker.id, &r.protocol);
                 Line::new(subject, &r.score, false, metrics)
             });
         let sequences = results.sequences.iter().map(|r| {

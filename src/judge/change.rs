@@ -21,6 +21,17 @@ pub struct Subject {
 }
 
 impl Subject {
+    /// The average of a tracker over all frames.
+    pub fn pooled(tracker: &str, protocol: &str) -> Subject {
+        Subject {
+            tracker: tracker.to_owned(),
+            dataset: ALL_DATASETS.to_owned(),
+            sequence: POOLED.to_owned(),
+            start: 0,
+            protocol: protocol.to_owned(),
+        }
+    }
+
     /// True for the average over all frames.
     pub fn is_pooled(&self) -> bool {
         self.dataset == ALL_DATASETS && self.sequence == POOLED

@@ -1,6 +1,10 @@
 //! Two run directories side by side: first what is equal to the last digit, by tracker, data set, sequence, start and
 //! protocol; then, for the trackers that changed, whether the change is more than chance (see [`crate::judge::stats`]).
 
+mod ranking;
+
+pub use ranking::{PairTest, Ranked, Ranking, rank_all};
+
 use crate::files::{self, Kind};
 use crate::judge::change::{Change, Matched, equal};
 use crate::judge::pairing::{OtherSettings, pairs};
@@ -775,13 +779,13 @@ fn warnings(found: &Comparison, options: &Options) -> Vec<String> {
     let lacking = [(found.units_only_a, &found.a), (found.units_only_b, &found.b)];
     for (units, run) in lacking.into_iter().filter(|(units, _)| *units > 0) {
         warnings.push(format!(
-            "{units} runs of compared trackers are in {run} alone and do not count"
+            "{units} units (one tracker on one sequence each) of compared trackers are in {run} alone and do not count"
         ));
     }
     let failed: usize = found.changed.iter().map(|c| c.failed[0] + c.failed[1]).sum();
     if failed > 0 {
         warnings.push(format!(
-            "{failed} runs failed in one of the two and count as lost in all frames"
+            "{failed} units (one tracker on one sequence each) failed in one of the two and count as lost in all frames"
         ));
     }
     warnings

@@ -2,9 +2,11 @@
 //!
 //! [`change`] is the engine: it matches rows of two runs and says by how much a figure got better. [`compare`] adds
 //! statistics to it (is the change of a tracker more than chance?), [`gate`] adds tolerances (is it too large to pass?).
-//! [`field`] makes the figures that benchmarks of the field report. [`pairing`] finds trackers that differ by settings alone.
+//! [`pairing`] finds trackers that differ by settings alone, [`cases`] the frames behind what the gate finds; [`field`] makes
+//! the figures that benchmarks of the field report.
 
 pub mod baseline;
+pub mod cases;
 pub mod change;
 pub mod compare;
 pub mod field;

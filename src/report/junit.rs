@@ -2,15 +2,19 @@
 //! sequence and for the pooled figures.
 
 use super::ReportError;
+use super::problems::{Kind, problems};
 use crate::judge::baseline::Baseline;
+use crate::judge::cases::Case;
 use crate::judge::change::Subject;
-use crate::judge::gate::{Finding, Findings};
+use crate::judge::gate::Findings;
 use crate::judge::tolerances::Tolerances;
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
 
-/// The report on a run against `baseline`. A figure that dropped or a run that failed is a failure; what is missing or
-/// not comparable is an error; what is over other frames or not in the baseline is skipped.
+/// The report on a run against `baseline`, with the times and frames of `cases`. A value that dropped or a tracker that failed
+/// to run is a failure, its message naming the frames; what is missing or not comparable is an error; what is over other
+/// frames or not in the baseline is skipped, unless no difference passes.
 ///
 /// # Errors
 /// The XML cannot be written.
@@ -18,44 +22,18 @@ pub fn junit(
     baseline: &Baseline,
     findings: &Findings,
     tolerances: &Tolerances,
+    cases: &BTreeMap<Subject, Case>,
 ) -> Result<String, ReportError> {
-    let mut drops: BTreeMap<&Subject, Vec<&Finding>> = BTreeMap::new();
-    for drop in &findings.drops {
-        drops.entry(&drop.subject).or_default().push(drop);
-    }
-    let missing: BTreeSet<&Subject> = findings.missing.iter().collect();
-    let other_settings: BTreeMap<&str, String> = findings
-        .other_settings
-        .iter()
-        .map(|o| {
-            (
-                o.before.as_str(),
-                format!("run with other settings, {}", o.difference),
-            )
-        })
-        .collect();
+    let problems = problems(findings, tolerances, cases);
     let named: BTreeSet<&str> = findings.other_settings.iter().map(|o| o.after.as_str()).collect();
-    let failed: BTreeSet<&Subject> = findings.failed.iter().collect();
     let unjudged: BTreeSet<&Subject> = findings.unjudged.iter().map(|f| &f.subject).collect();
     let status = |subject: &Subject| {
-        if missing.contains(subject) {
-            let why = other_settings.get(subject.tracker.as_str()).cloned();
-            let why = why.unwrap_or_else(|| "not in the run".to_owned());
-            problem(NonSuccessKind::Error, "missing", why)
-        } else if failed.contains(subject) {
-            problem(NonSuccessKind::Failure, "failed", "the run failed".to_owned())
-        } else if let Some(drops) = drops.get(subject) {
-            let line = |f: &&Finding| {
-                format!(
-                    "{} {:.4} -> {:.4} (tolerance {})",
-                    f.change.figure,
-                    f.change.before,
-                    f.change.after,
-                    tolerances.at(&f.subject, &f.change.figure)
-                )
+        if let Some(found) = problems.get(subject) {
+            let kind = match found.kind {
+                Kind::Missing => NonSuccessKind::Error,
+                Kind::Drop | Kind::Failed | Kind::Added => NonSuccessKind::Failure,
             };
-            let lines: Vec<String> = drops.iter().map(line).collect();
-            problem(NonSuccessKind::Failure, "drop", lines.join("; "))
+            problem(kind, found.kind.word(), found.message.clone())
         } else if unjudged.contains(subject) {
             skipped("over other frames than the baseline")
         } else {
@@ -70,17 +48,34 @@ pub fn junit(
         .added
         .iter()
         .filter(|subject| !named.contains(subject.tracker.as_str()))
-        .map(|subject| (subject, skipped("not in the baseline")));
+        .map(|subject| match problems.contains_key(subject) {
+            true => (subject, status(subject)),
+            false => (subject, skipped("not in the baseline")),
+        });
     let mut suites: BTreeMap<&str, TestSuite> = BTreeMap::new();
+    let mut times: BTreeMap<&str, Duration> = BTreeMap::new();
     for (subject, status) in lines.chain(added) {
         let mut case = TestCase::new(subject.place(), status);
         case.set_classname(subject.tracker.clone());
+        let known = cases.get(subject);
+        if let Some(time) = known.and_then(|case| Duration::try_from_secs_f64(case.seconds).ok()) {
+            case.set_time(time);
+            *times.entry(&subject.tracker).or_default() += time;
+        }
         let suite = suites
             .entry(&subject.tracker)
             .or_insert_with(|| TestSuite::new(subject.tracker.clone()));
         suite.add_test_case(case);
     }
+    for (tracker, time) in &times {
+        if let Some(suite) = suites.get_mut(tracker) {
+            suite.set_time(*time);
+        }
+    }
     let mut report = Report::new("mtf-eval check");
+    if !times.is_empty() {
+        report.set_time(times.values().sum());
+    }
     if !findings.not_comparable.is_empty() {
         let mut suite = TestSuite::new("comparison");
         suite.add_test_cases(findings.not_comparable.iter().map(|reason| {
@@ -121,14 +116,28 @@ mod tests {
         now[3] = example::unit("esm/ssd/homography", "book", &[Some(0.0), Some(9.0)]);
         now.remove(0);
         let then = baseline(&units);
-        let xml = junit(&then, &gate(&then, &baseline(&now), &tolerances), &tolerances).unwrap();
+        let findings = gate(&then, &baseline(&now), &tolerances);
+        let dropped = findings
+            .drops
+            .iter()
+            .map(|d| d.subject.clone())
+            .find(|s| !s.is_pooled())
+            .unwrap();
+        let case = Case {
+            seconds: 0.25,
+            frames: vec![(1, 0.0), (2, 9.0)],
+            ..Case::default()
+        };
+        let cases = BTreeMap::from([(dropped, case)]);
+        let xml = junit(&then, &findings, &tolerances, &cases).unwrap();
         assert!(
             xml.contains(r#"tests="8" skipped="1" failures="2" errors="1""#),
             "{xml}"
         );
         for part in [
             r#"<testsuite name="iclk/ssd/affine" tests="3" skipped="1""#,
-            r#"<testcase name="builtin/book" classname="esm/ssd/homography">"#,
+            r#"<testcase name="builtin/book" classname="esm/ssd/homography" time="0.250">"#,
+            "first frame above 5 px: 2, 1 of 2 in all; worst frames: 2 (9.0 px), 1 (0.0 px)",
             "sr_5 1.0000 -&gt; 0.5000 (tolerance 0.01)",
             "not in the run",
             "over other frames than the baseline",
@@ -140,7 +149,7 @@ mod tests {
         for line in &mut other.lines {
             line.subject.protocol = "reinit".to_owned();
         }
-        let xml = junit(&then, &gate(&then, &other, &tolerances), &tolerances).unwrap();
+        let xml = junit(&then, &gate(&then, &other, &tolerances), &tolerances, &cases).unwrap();
         assert!(xml.contains(r#"<testsuite name="comparison""#), "{xml}");
     }
 }

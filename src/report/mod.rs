@@ -1,23 +1,29 @@
-//! What a run leaves behind and prints: CSV, JSON, the success plot and tables; the gate's findings as JUnit XML; speeds as
+//! What a run leaves behind and prints: CSV, JSON, the success plot and tables; the gate's findings as JUnit XML and for GitLab; speeds as
 //! bars. Depends on `metric`, `judge`, `measure` and `store`.
 //!
 //! [`EXPORTERS`] is the table of the files that a run leaves behind. Every file is written under a temporary name, synced
 //! and renamed; the same results give the same bytes.
 
 mod bars;
+mod code_quality;
 mod csv;
 mod exporter;
+mod field;
 mod json;
 mod junit;
 mod plot;
+mod problems;
 mod table;
 pub mod text;
 
 pub use bars::bars_svg;
+pub use code_quality::code_quality;
 pub use exporter::{About, EXPORTERS, Exporter, ExporterError, Exporters};
+pub use field::field_table;
 pub use junit::junit;
-pub use plot::success_svg;
-pub use table::{Format, TableOptions, field_table, parse_sort, render, sort_keys, table};
+pub use plot::{NamedCurve, curves_svg, success_curves, success_subject, success_svg};
+pub use problems::with_frames;
+pub use table::{Format, TableOptions, json_text, parse_sort, render, sort_keys, table};
 
 /// A picture or report could not be made.
 #[derive(Debug, thiserror::Error)]

@@ -1,25 +1,41 @@
-//! `success.svg`: success rate against the alignment error threshold, for the best trackers.
+//! `success.svg`: success rate against the alignment error threshold, the best trackers named at the ends of their lines and
+//! the others faint.
 
 use super::table::short;
 use super::{About, Exporter, ReportError};
 use crate::metric::Results;
-use crate::metric::aggregate::CurveRow;
+use crate::metric::aggregate::{CurveRow, SummaryRow};
 use crate::metric::al::LOST_PX;
 use plotters::coord::Shift;
+use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use std::collections::BTreeSet;
 use std::io::{self, Write};
 
-/// Trackers drawn, at most.
-const SHOWN: usize = 10;
+/// Curves with a colour and a name, at most: as many as there are colours.
+const NAMED: usize = COLOURS.len();
+/// Faint curves, at most; of more, so many are drawn that are evenly spread over the ranking.
+const FAINT: usize = 40;
 /// Drawn at this multiple of the size in CSS pixels, since the backend rounds coordinates to whole units.
 pub(super) const SCALE: u32 = 4;
-/// Size in CSS pixels: a plot and a legend on its right.
+/// Size in CSS pixels: a plot and the names on its right.
 const PLOT_WIDTH: u32 = 620;
-const LEGEND_WIDTH: u32 = 400;
+const NAMES_WIDTH: u32 = 400;
 const HEIGHT: u32 = 480;
-/// Characters of a tracker's id that fit into the legend.
+/// Space around the axes, in CSS pixels.
+const ABOVE: u32 = 84;
+const BELOW: u32 = 52;
+const LEFT: u32 = 60;
+const MARGIN: u32 = 14;
+/// Least distance of two names, in CSS pixels.
+const LINE: i32 = 22;
+/// Characters of a name that fit beside the plot.
 const LABEL: usize = 40;
+/// Share of its last success rate at which a curve has risen.
+const RISEN: f64 = 0.95;
+/// Where all curves have risen within so many px, the axis ends there; where half of them have, it is logarithmic.
+const SHORT_PX: f64 = 2.0;
 
 /// Colours that stay apart with every common kind of colour blindness (Okabe and Ito 2008), without the yellow that
 /// vanishes on white.
@@ -32,16 +48,16 @@ pub(super) const COLOURS: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
     RGBColor(230, 159, 0),
 ];
-/// Dash patterns in CSS pixels, as SVG wants them; the first is a solid line.
-const DASHES: [&[u32]; 4] = [&[], &[9, 4], &[3, 3], &[14, 4, 3, 4]];
 pub(super) const INK: RGBColor = RGBColor(51, 51, 51);
 pub(super) const GRID: RGBColor = RGBColor(225, 225, 225);
+/// Of curves without a name.
+const PALE: RGBColor = RGBColor(200, 200, 200);
 
-/// Line of the tracker at `rank`. Better trackers are drawn first and wider, so that curves that coincide show as
-/// nested lines.
+/// Line of the curve at `rank`. Better trackers are drawn first and wider, so that curves that coincide show as nested
+/// lines.
 fn line(rank: usize) -> ShapeStyle {
-    let width = (16 - rank as u32).max(6);
-    COLOURS[rank % COLOURS.len()].stroke_width(width)
+    let width = 18 - 2 * rank as u32;
+    COLOURS[rank].stroke_width(width)
 }
 
 fn text(size: u32) -> TextStyle<'static> {
@@ -95,7 +111,7 @@ impl Exporter for SuccessSvg {
     }
 
     fn summary(&self) -> &str {
-        "success plot of the ten best trackers"
+        "success plot: the best trackers named, the others faint"
     }
 
     fn write(&self, results: &Results, about: &About, out: &mut dyn Write) -> io::Result<()> {
@@ -104,63 +120,211 @@ impl Exporter for SuccessSvg {
     }
 }
 
-/// Draws the pooled success curves of the ten trackers with the largest `auc`, which the legend gives.
+/// A success curve with its name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedCurve {
+    /// What stands at its end.
+    pub name: String,
+    /// Its area, which stands before the name.
+    pub auc: f64,
+    /// Thresholds (px) and success rates.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// The pooled success curves of `results`, the largest `auc` first.
+pub fn success_curves(results: &Results) -> Vec<NamedCurve> {
+    let primary = results.metrics.primary();
+    let ranking = results.ranking();
+    let several = ranking.iter().any(|row| row.protocol != ranking[0].protocol);
+    let named = |row: &&SummaryRow| {
+        let same = |c: &&CurveRow| {
+            c.is_pooled() && c.metric == *primary && c.tracker == row.tracker && c.protocol == row.protocol
+        };
+        let curve = results
+            .curves
+            .iter()
+            .find(same)
+            .filter(|c| !c.success_rate.is_empty())?;
+        let rates = curve.success_rate.iter().enumerate();
+        Some(NamedCurve {
+            name: match several {
+                true => format!("{} {}", row.tracker.id, row.protocol),
+                false => row.tracker.id.clone(),
+            },
+            auc: row.score["auc"],
+            points: rates.map(|(k, &rate)| (primary.threshold(k), rate)).collect(),
+        })
+    };
+    ranking.iter().filter_map(named).collect()
+}
+
+/// What the curves of `results` are of: data, sequences, frames and protocol.
+pub fn success_subject(results: &Results) -> String {
+    const SHOWN: usize = 3;
+    let datasets: BTreeSet<&str> = results.sequences.iter().map(|r| r.dataset.as_str()).collect();
+    let sequences: BTreeSet<(&str, &str)> = results
+        .sequences
+        .iter()
+        .map(|r| (r.dataset.as_str(), r.sequence.as_str()))
+        .collect();
+    let ranking = results.ranking();
+    let frames = ranking.iter().map(|row| row.score.frames());
+    let frames = match (frames.clone().min(), frames.max()) {
+        (Some(least), Some(most)) if least < most => format!("{least} to {most}"),
+        (_, most) => most.unwrap_or(0).to_string(),
+    };
+    let protocols: BTreeSet<&str> = ranking.iter().map(|row| row.protocol.as_str()).collect();
+    let list = |names: &BTreeSet<&str>| {
+        let more = match names.len().saturating_sub(SHOWN) {
+            0 => String::new(),
+            n => format!(" and {n} more"),
+        };
+        names.iter().take(SHOWN).copied().collect::<Vec<_>>().join(", ") + &more
+    };
+    let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+    format!(
+        "{}: {}, {frames} frames, protocol {}",
+        list(&datasets),
+        count(sequences.len(), "sequence"),
+        list(&protocols)
+    )
+}
+
+/// Draws the success plot of `results` under `title`: see [`curves_svg`].
 ///
 /// # Errors
 /// [`ReportError::Plot`] when the drawing backend refuses.
 pub fn success_svg(results: &Results, title: &str) -> Result<String, ReportError> {
-    let (width, height) = (PLOT_WIDTH + LEGEND_WIDTH, HEIGHT);
-    let mut svg = picture(width, height, |root| draw(root, results, title))?;
-    // The backend has no dashes or joins: give them to the strokes of each rank.
-    for rank in 0..SHOWN {
-        let RGBColor(r, g, b) = COLOURS[rank % COLOURS.len()];
-        let stroke = format!(
-            "stroke=\"#{r:02X}{g:02X}{b:02X}\" stroke-width=\"{}\"",
-            line(rank).stroke_width
-        );
-        let dashes = DASHES[rank % DASHES.len()]
-            .iter()
-            .map(|d| (d * SCALE).to_string())
-            .collect::<Vec<_>>();
-        let dashes = if dashes.is_empty() {
-            "none".to_owned()
-        } else {
-            dashes.join(" ")
-        };
-        svg = svg.replace(
-            &stroke,
-            &format!("{stroke} stroke-dasharray=\"{dashes}\" stroke-linejoin=\"round\""),
-        );
-    }
-    Ok(svg)
+    curves_svg(&success_curves(results), title, &success_subject(results))
+}
+
+/// Draws success curves, the best first, under a title and a line that says what they are of. The first have colours and
+/// names, the others are faint.
+///
+/// # Errors
+/// [`ReportError::Plot`] when the drawing backend refuses.
+pub fn curves_svg(curves: &[NamedCurve], title: &str, subject: &str) -> Result<String, ReportError> {
+    let svg = picture(PLOT_WIDTH + NAMES_WIDTH, HEIGHT, |root| {
+        draw(root, curves, title, subject)
+    })?;
+    // The backend has no joins.
+    Ok(svg.replace("<polyline ", "<polyline stroke-linejoin=\"round\" "))
 }
 
 pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-fn draw(root: &Area, results: &Results, title: &str) -> Result<(), Box<dyn std::error::Error>> {
+/// The axis of thresholds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Axis {
+    /// From 0 to so many px.
+    Linear(f64),
+    /// From the first threshold above 0 to the largest.
+    Logarithmic,
+}
+
+impl Axis {
+    /// What shows where `curves` rise.
+    fn of(curves: &[NamedCurve]) -> Axis {
+        let risen = |curve: &NamedCurve| {
+            let last = curve.points.last().map_or(0.0, |(_, rate)| *rate);
+            let mut rising = curve.points.iter().filter(|(_, rate)| *rate >= RISEN * last);
+            rising.next().map_or(LOST_PX, |(threshold, _)| *threshold)
+        };
+        let mut at: Vec<f64> = curves.iter().map(risen).collect();
+        at.sort_by(f64::total_cmp);
+        match (at.last(), at.get(at.len() / 2)) {
+            (Some(last), _) if *last <= SHORT_PX => Axis::Linear(SHORT_PX),
+            (_, Some(middle)) if *middle <= SHORT_PX => Axis::Logarithmic,
+            _ => Axis::Linear(LOST_PX),
+        }
+    }
+
+    /// Thresholds with a number below.
+    fn ticks(self) -> Vec<f64> {
+        match self {
+            Axis::Linear(end) => (0..=10).map(|k| end * f64::from(k) / 10.0).collect(),
+            Axis::Logarithmic => vec![0.2, 0.5, 1.0, 2.0, 5.0, 10.0, LOST_PX],
+        }
+    }
+
+    /// How far along the axis a threshold is.
+    fn along(self, threshold: f64) -> f64 {
+        match self {
+            Axis::Linear(_) => threshold,
+            Axis::Logarithmic => threshold.log10(),
+        }
+    }
+
+    fn description(self) -> String {
+        let what = "alignment error threshold (px";
+        match self {
+            Axis::Linear(LOST_PX) => format!("{what})"),
+            Axis::Linear(end) => format!("{what}; named lines change little from {end} to {LOST_PX})"),
+            Axis::Logarithmic => format!("{what}, logarithmic)"),
+        }
+    }
+}
+
+/// An axis with lines at places of its own.
+struct Ticks {
+    low: f64,
+    high: f64,
+    at: Vec<f64>,
+}
+
+impl Ranged for Ticks {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        let share = (value - self.low) / (self.high - self.low);
+        limit.0 + (share * f64::from(limit.1 - limit.0)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
+        self.at.clone()
+    }
+
+    fn range(&self) -> std::ops::Range<f64> {
+        self.low..self.high
+    }
+}
+
+fn draw(
+    root: &Area,
+    curves: &[NamedCurve],
+    title: &str,
+    subject: &str,
+) -> Result<(), Box<dyn std::error::Error>> {
     root.fill(&WHITE)?;
     let s = SCALE as i32;
-    let chars = (PLOT_WIDTH + LEGEND_WIDTH) as usize / 9;
-    root.draw_text(
-        &shorten(title, chars),
-        &anchored(17, HPos::Left, VPos::Top),
-        (24 * s, 16 * s),
-    )?;
-    let (left, right) = root.split_horizontally(PLOT_WIDTH * SCALE);
-
-    let mut chart = ChartBuilder::on(&left)
-        .margin_top(52 * SCALE)
-        .margin_right(16 * SCALE)
-        .margin_bottom(8 * SCALE)
-        .margin_left(10 * SCALE)
-        .x_label_area_size(44 * SCALE)
-        .y_label_area_size(58 * SCALE)
-        .build_cartesian_2d(0.0..LOST_PX, 0.0..1.0)?;
+    let (left, top) = (HPos::Left, VPos::Top);
+    root.draw_text(&shorten(title, 100), &anchored(18, left, top), (20 * s, 14 * s))?;
+    root.draw_text(&shorten(subject, 140), &anchored(13, left, top), (20 * s, 40 * s))?;
+    let (named, others) = curves.split_at(curves.len().min(NAMED));
+    let axis = Axis::of(named);
+    let ticks = axis.ticks();
+    let (low, high) = (axis.along(ticks[0]), axis.along(ticks[ticks.len() - 1]));
+    let across = Ticks {
+        low,
+        high,
+        at: ticks.iter().map(|t| axis.along(*t)).collect(),
+    };
+    let (plot, _) = root.split_horizontally(PLOT_WIDTH * SCALE);
+    let mut chart = ChartBuilder::on(&plot)
+        .margin_top(ABOVE * SCALE)
+        .margin_left(MARGIN * SCALE)
+        .x_label_area_size(BELOW * SCALE)
+        .y_label_area_size(LEFT * SCALE)
+        .build_cartesian_2d(across, 0.0..1.0)?;
+    let threshold = |at: &f64| match axis {
+        Axis::Linear(_) => format!("{}", (at * 10.0).round() / 10.0),
+        Axis::Logarithmic => format!("{}", (10f64.powf(*at) * 10.0).round() / 10.0),
+    };
     chart
         .configure_mesh()
-        .x_labels(11)
         .y_labels(11)
-        .x_label_formatter(&|t| format!("{t:.0}"))
+        .x_label_formatter(&threshold)
         .y_label_formatter(&|r| format!("{r:.1}"))
         .light_line_style(TRANSPARENT)
         .bold_line_style(GRID.stroke_width(SCALE))
@@ -168,63 +332,88 @@ fn draw(root: &Area, results: &Results, title: &str) -> Result<(), Box<dyn std::
         .axis_style(INK.stroke_width(SCALE))
         .label_style(text(12))
         .axis_desc_style(text(14))
-        .x_desc("alignment error threshold (px)")
-        .y_desc("success rate (fraction of frames)")
+        .x_desc(axis.description())
+        .y_desc("success rate (share of frames)")
         .draw()?;
-
-    let primary = results.metrics.primary();
-    let ranking = results.ranking();
-    let drawn = ranking.iter().filter_map(|row| {
-        let same = |c: &&CurveRow| {
-            c.is_pooled() && c.metric == *primary && c.tracker == row.tracker && c.protocol == row.protocol
-        };
-        results
-            .curves
-            .iter()
-            .find(same)
-            .filter(|c| !c.success_rate.is_empty())
-            .map(|c| (row, c))
-    });
-    let drawn: Vec<_> = drawn.take(SHOWN).collect();
-    for (rank, (_, curve)) in drawn.iter().enumerate() {
-        let points = curve
-            .success_rate
-            .iter()
-            .enumerate()
-            .map(|(k, &rate)| (primary.threshold(k), rate));
-        chart.draw_series(LineSeries::new(points, line(rank)))?;
+    let shown = |curve: &NamedCurve| -> Vec<(f64, f64)> {
+        let points = curve.points.iter().map(|(t, rate)| (axis.along(*t), *rate));
+        points
+            .filter(|(at, _)| (low - 1e-9..=high + 1e-9).contains(at))
+            .collect()
+    };
+    let faint = others.len().min(FAINT);
+    for k in 0..faint {
+        let curve = &others[k * others.len() / faint];
+        chart.draw_series(LineSeries::new(shown(curve), PALE.stroke_width(SCALE * 3 / 4)))?;
     }
+    for (rank, curve) in named.iter().enumerate() {
+        chart.draw_series(LineSeries::new(shown(curve), line(rank)))?;
+    }
+    drop(chart);
 
-    let heading = anchored(13, HPos::Left, VPos::Center);
-    let label = anchored(13, HPos::Left, VPos::Center);
-    let number = anchored(13, HPos::Right, VPos::Center);
-    let (auc_right, label_left, mut y) = (LEGEND_WIDTH as i32 * s - 20 * s, 52 * s, 64 * s);
-    if drawn.is_empty() {
-        right.draw_text("no frames were scored", &heading, (8 * s, y))?;
+    let (x, note) = (PLOT_WIDTH as i32 * s, anchored(12, left, VPos::Center));
+    if named.is_empty() {
+        root.draw_text("no frames were scored", &note, (x + 20 * s, ABOVE as i32 * s))?;
         return Ok(());
     }
-    right.draw_text("tracker", &heading, (label_left, y))?;
-    right.draw_text("AUC", &number, (auc_right, y))?;
-    let several = ranking.iter().any(|row| row.protocol != ranking[0].protocol);
-    for (rank, (row, _)) in drawn.iter().enumerate() {
-        let name = match several {
-            true => format!("{} {}", row.tracker.id, row.protocol),
-            false => row.tracker.id.clone(),
-        };
-        y += 30 * s;
-        right.draw(&PathElement::new([(4 * s, y), (42 * s, y)], line(rank)))?;
-        right.draw_text(&shorten(&name, LABEL), &label, (label_left, y))?;
-        right.draw_text(&short(row.score["auc"], 3), &number, (auc_right, y))?;
+    let bottom = (HEIGHT - BELOW) as i32;
+    let room = f64::from(bottom - ABOVE as i32);
+    let ends = named.iter().map(|curve| {
+        let rate = shown(curve).last().map_or(0.0, |(_, rate)| *rate);
+        bottom - (rate * room).round() as i32
+    });
+    let ends: Vec<i32> = ends.collect();
+    let places = spread(&ends, ABOVE as i32, bottom);
+    root.draw_text(
+        "AUC   tracker",
+        &note,
+        (x + 42 * s, (places.iter().min().unwrap_or(&0) - LINE) * s),
+    )?;
+    for (rank, curve) in named.iter().enumerate() {
+        let (end, place) = (ends[rank] * s, places[rank] * s);
+        let colour = COLOURS[rank];
+        // From the end of the line to its name.
+        let way = [
+            (x + s, end),
+            (x + 8 * s, end),
+            (x + 30 * s, place),
+            (x + 38 * s, place),
+        ];
+        root.draw(&PathElement::new(way, colour.stroke_width(SCALE * 2)))?;
+        let style = anchored(13, left, VPos::Center);
+        root.draw_text(&short(curve.auc, 3), &style, (x + 42 * s, place))?;
+        root.draw_text(&shorten(&curve.name, LABEL), &style, (x + 84 * s, place))?;
     }
-    if ranking.len() > drawn.len() {
-        let more = format!("{} more in summary.csv", ranking.len() - drawn.len());
-        right.draw_text(
-            &more,
-            &anchored(12, HPos::Left, VPos::Center),
-            (label_left, y + 34 * s),
-        )?;
+    if !others.is_empty() {
+        let which = match faint < others.len() {
+            true => format!(", {faint} of them drawn"),
+            false => String::new(),
+        };
+        let more = format!("faint: {} more in summary.csv{which}", others.len());
+        let below = (places.iter().max().unwrap_or(&0) + LINE + 6).min(HEIGHT as i32 - 16);
+        root.draw_text(&more, &note, (x + 42 * s, below * s))?;
     }
     Ok(())
+}
+
+/// Heights for names whose lines end at `ends`: in the order of the ends, at least [`LINE`] apart, between `top` and `bottom`,
+/// and near their ends. All in CSS pixels, downwards.
+fn spread(ends: &[i32], top: i32, bottom: i32) -> Vec<i32> {
+    let mut order: Vec<usize> = (0..ends.len()).collect();
+    order.sort_by_key(|&i| (ends[i], i));
+    let mut places = vec![0; ends.len()];
+    let mut least = top;
+    for &i in &order {
+        places[i] = ends[i].max(least);
+        least = places[i] + LINE;
+    }
+    // Those that were pushed beyond the bottom push the others back up.
+    let mut most = bottom;
+    for &i in order.iter().rev() {
+        places[i] = places[i].min(most);
+        most = places[i] - LINE;
+    }
+    places
 }
 
 #[cfg(test)]
@@ -232,17 +421,26 @@ mod tests {
     use super::*;
     use crate::metric::aggregate::example;
 
+    fn curve(name: &str, points: &[(f64, f64)]) -> NamedCurve {
+        NamedCurve {
+            name: name.to_owned(),
+            auc: 0.5,
+            points: points.to_vec(),
+        }
+    }
+
     #[test]
-    fn names_trackers_axes_and_title() {
-        let svg = success_svg(&example::of(&example::units()), "builtin, ope & more").unwrap();
+    fn names_trackers_axes_data_frames_and_protocol() {
+        let svg = success_svg(&example::of(&example::units()), "Success & failure").unwrap();
         for text in [
             "esm/ssd/homography",
             "nn/mi/affine",
-            "builtin, ope &amp; more",
+            "Success &amp; failure",
+            "builtin: 2 sequences, 2 to 6 frames, protocol ope",
             "success rate",
-            "(px)",
+            "(px",
         ] {
-            assert!(svg.contains(text), "{text}");
+            assert!(svg.contains(text), "{text}: {svg}");
         }
         assert!(
             svg.starts_with("<svg width=\"1020\" height=\"480\""),
@@ -252,18 +450,59 @@ mod tests {
     }
 
     #[test]
-    fn draws_the_ten_best() {
-        let units: Vec<_> = (0..14)
+    fn the_best_have_names_and_the_others_are_faint() {
+        let units: Vec<_> = (0..60)
             .map(|i| {
                 example::unit(
                     &format!("esm/ssd/homography{{seed={i:02}}}"),
                     "wall",
-                    &[Some(f64::from(i))],
+                    &[Some(f64::from(i) / 4.0)],
                 )
             })
             .collect();
         let svg = success_svg(&example::of(&units), "").unwrap();
-        assert!(svg.contains("seed=09") && !svg.contains("seed=10") && svg.contains("4 more"));
+        assert!(svg.contains("seed=06") && !svg.contains("seed=07"));
+        assert!(svg.contains("53 more in summary.csv, 40 of them drawn"));
+        assert_eq!(svg.matches("#C8C8C8").count(), 40);
+    }
+
+    #[test]
+    fn the_axis_shows_where_curves_rise() {
+        let rises = |at: f64| curve("x", &[(0.0, 0.0), (at, 0.99), (20.0, 1.0)]);
+        assert_eq!(Axis::of(&[rises(0.4), rises(1.8)]), Axis::Linear(2.0));
+        assert_eq!(Axis::of(&[rises(0.4), rises(0.6), rises(9.0)]), Axis::Logarithmic);
+        assert_eq!(
+            Axis::of(&[rises(0.4), rises(9.0), rises(12.0)]),
+            Axis::Linear(20.0)
+        );
+        assert_eq!(Axis::of(&[]), Axis::Linear(20.0));
+        let svg = curves_svg(&[rises(0.4)], "", "").unwrap();
+        assert!(svg.contains("named lines change little from 2 to 20"), "{svg}");
+        let svg = curves_svg(&[rises(0.4), rises(0.6), rises(9.0)], "", "").unwrap();
+        assert!(svg.contains("logarithmic"), "{svg}");
+    }
+
+    #[test]
+    fn names_do_not_overlap() {
+        for ends in [
+            vec![84; 7],
+            vec![428; 7],
+            vec![84, 90, 300, 84, 310, 428, 427],
+            vec![200],
+        ] {
+            let mut places = spread(&ends, 84, 428);
+            let (before, after) = (places.clone(), &mut places);
+            after.sort_unstable();
+            assert!(
+                after.windows(2).all(|w| w[1] - w[0] >= LINE),
+                "{ends:?} {before:?}"
+            );
+            assert!(
+                after[0] >= 84 && after[after.len() - 1] <= 428,
+                "{ends:?} {before:?}"
+            );
+        }
+        assert_eq!(spread(&[100, 300], 84, 428), [100, 300]);
     }
 
     #[test]

@@ -2,7 +2,6 @@
 
 use super::text::{BOLD, PLAIN};
 use super::{csv, text};
-use crate::judge::field::{Benchmark, Quantity, Row};
 use crate::metric::MetricSet;
 use crate::metric::aggregate::{Results, SummaryRow};
 use crate::store::summary;
@@ -35,6 +34,8 @@ pub struct TableOptions {
     pub top: usize,
     /// Bold header (ANSI) in `Table`.
     pub colour: bool,
+    /// Indented `Json` instead of one line.
+    pub pretty: bool,
 }
 
 impl Default for TableOptions {
@@ -44,6 +45,7 @@ impl Default for TableOptions {
             sort: "auc".to_owned(),
             top: 20,
             colour: false,
+            pretty: false,
         }
     }
 }
@@ -96,7 +98,7 @@ pub fn table(results: &Results, speeds: &BTreeMap<String, f64>, options: &TableO
     match options.format {
         Format::Json => {
             let order: Vec<_> = rows.iter().map(|r| &r.tracker).collect();
-            summary::document(results, &order) + "\n"
+            json_text(&summary::document(results, &order), options.pretty)
         }
         Format::Csv => {
             let both = rows.iter().flat_map(|p| {
@@ -133,7 +135,7 @@ fn people(
         "SR@10",
         "SR@20",
         "AUC",
-        "AL median",
+        "AL median px",
         "failures",
         "frames",
     ];
@@ -154,7 +156,7 @@ fn people(
         header.push("protocol");
     }
     if failed {
-        header.push("failed runs");
+        header.push("failed units");
     }
     let cells = rows[..shown].iter().map(|r| {
         let s = &r.score;
@@ -207,7 +209,7 @@ fn people(
     let runs = results.failed_runs();
     if runs > 0 {
         notes.push(format!(
-            "{runs} of {} runs failed (see sequences.csv)",
+            "{runs} of {} units (one tracker on one sequence each) failed, see sequences.csv",
             results.sequences.len()
         ));
     }
@@ -222,83 +224,14 @@ fn gives_boxes(row: &SummaryRow) -> bool {
     row.score["auc"].is_nan() && row.score.frames() > 0
 }
 
-/// What `--report-as` prints: the figures of a benchmark, and its published ones if `with_published`.
-pub fn field_table(
-    rows: &[Row],
-    benchmark: &Benchmark,
-    with_published: bool,
-    options: &TableOptions,
-) -> String {
-    let machine = matches!(options.format, Format::Json | Format::Csv);
-    let shown = if options.top == 0 || machine {
-        rows.len()
-    } else {
-        options.top.min(rows.len())
+/// JSON that ends in a newline: one line, or indented if `pretty`.
+pub fn json_text(value: &impl serde::Serialize, pretty: bool) -> String {
+    let text = match pretty {
+        true => serde_json::to_string_pretty(value),
+        false => serde_json::to_string(value),
     };
-    let names = benchmark.quantities.iter().map(|q| q.name);
-    let header: Vec<&str> = ["tracker"]
-        .into_iter()
-        .chain(names)
-        .chain(["frames", "protocol"])
-        .collect();
-    if options.format == Format::Json {
-        let figure = |(q, v): (&Quantity, &f64)| (q.name.to_owned(), serde_json::json!(v));
-        let object = |row: &Row| {
-            let figures: serde_json::Map<_, _> = benchmark
-                .quantities
-                .iter()
-                .zip(&row.figures)
-                .map(figure)
-                .collect();
-            serde_json::json!({
-                "tracker": row.tracker, "protocol": row.protocol, "frames": row.frames, "figures": figures, "roc": row.roc,
-            })
-        };
-        let published = benchmark.published.iter().filter(|_| with_published).map(|p| {
-            let figures: serde_json::Map<_, _> =
-                benchmark.quantities.iter().zip(p.figures).map(figure).collect();
-            serde_json::json!({ "tracker": p.tracker, "figures": figures })
-        });
-        let document = serde_json::json!({
-            "benchmark": benchmark.name, "about": benchmark.caption(), "trackers": rows.iter().map(object).collect::<Vec<_>>(),
-            "published": published.collect::<Vec<_>>(),
-        });
-        return format!("{document}\n");
-    }
-    let decimals = if machine { 6 } else { 3 };
-    let cells = |name: String, figures: &[f64], rest: [String; 2]| {
-        let figures = figures.iter().map(|v| short(*v, decimals));
-        [name]
-            .into_iter()
-            .chain(figures)
-            .chain(rest)
-            .collect::<Vec<String>>()
-    };
-    let own = rows[..shown].iter().map(|r| {
-        cells(
-            r.tracker.clone(),
-            &r.figures,
-            [r.frames.to_string(), r.protocol.clone()],
-        )
-    });
-    let published = benchmark.published.iter().filter(|_| with_published);
-    let published = published.map(|p| {
-        cells(
-            format!("{} (published)", p.tracker),
-            p.figures,
-            Default::default(),
-        )
-    });
-    let text = render(
-        &header,
-        &own.chain(published).collect::<Vec<_>>(),
-        options.format,
-        options.colour,
-    );
-    match options.format {
-        Format::Csv => text,
-        _ => format!("{text}\n{}\n", benchmark.caption()),
-    }
+    // Strings and numbers always serialise; an empty text would only follow from a bug in serde.
+    text.unwrap_or_default() + "\n"
 }
 
 /// A number for people: fixed decimals, `inf`, or `-` when undefined.
@@ -378,26 +311,26 @@ mod tests {
     #[test]
     fn for_people() {
         insta::assert_snapshot!(print(TableOptions::default()), @"
-        tracker              SR@1   SR@2   SR@5  SR@10  SR@20    AUC  AL median  failures  frames  failed runs
-        esm/ssd/homography  0.833  0.833  1.000  1.000  1.000  0.963       0.17         0       6
-        iclk/ssd/affine     0.333  0.500  0.667  0.667  0.667  0.633       2.00         2       6
-        nn/mi/affine        0.000  0.000  0.000  0.000  0.000  0.000        inf         2       2       1 of 1
+        tracker              SR@1   SR@2   SR@5  SR@10  SR@20    AUC  AL median px  failures  frames  failed units
+        esm/ssd/homography  0.833  0.833  1.000  1.000  1.000  0.963          0.17         0       6
+        iclk/ssd/affine     0.333  0.500  0.667  0.667  0.667  0.633          2.00         2       6
+        nn/mi/affine        0.000  0.000  0.000  0.000  0.000  0.000           inf         2       2        1 of 1
 
-        1 of 5 runs failed (see sequences.csv)
+        1 of 5 units (one tracker on one sequence each) failed, see sequences.csv
         ");
         let two = TableOptions {
             format: Format::Md,
             top: 2,
             sort: "al_median".to_owned(),
-            colour: false,
+            ..TableOptions::default()
         };
         insta::assert_snapshot!(print(two), @"
-        | tracker            |  SR@1 |  SR@2 |  SR@5 | SR@10 | SR@20 |   AUC | AL median | failures | frames |
-        |--------------------|-------|-------|-------|-------|-------|-------|-----------|----------|--------|
-        | esm/ssd/homography | 0.833 | 0.833 | 1.000 | 1.000 | 1.000 | 0.963 |      0.17 |        0 |      6 |
-        | iclk/ssd/affine    | 0.333 | 0.500 | 0.667 | 0.667 | 0.667 | 0.633 |      2.00 |        2 |      6 |
+        | tracker            |  SR@1 |  SR@2 |  SR@5 | SR@10 | SR@20 |   AUC | AL median px | failures | frames |
+        |--------------------|-------|-------|-------|-------|-------|-------|--------------|----------|--------|
+        | esm/ssd/homography | 0.833 | 0.833 | 1.000 | 1.000 | 1.000 | 0.963 |         0.17 |        0 |      6 |
+        | iclk/ssd/affine    | 0.333 | 0.500 | 0.667 | 0.667 | 0.667 | 0.633 |         2.00 |        2 |      6 |
 
-        1 more tracker (--top 0 shows all); 1 of 5 runs failed (see sequences.csv)
+        1 more tracker (--top 0 shows all); 1 of 5 units (one tracker on one sequence each) failed, see sequences.csv
         ");
         assert!(
             print(TableOptions {

@@ -14,7 +14,9 @@ pub enum RunError {
     #[error(transparent)]
     Store(#[from] StoreError),
     /// Asked to stop by a signal; what was finished is kept.
-    #[error("stopped: {done} of {total} units done, nothing lost, run the same command again to go on")]
+    #[error(
+        "stopped: {done} of {total} units (one tracker on one sequence each) done, nothing lost, run the same command again to go on"
+    )]
     Interrupted {
         /// Units with a result.
         done: usize,

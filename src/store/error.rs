@@ -49,7 +49,7 @@ pub enum StoreError {
         differences: Vec<String>,
     },
     /// A run that has not got to its end.
-    #[error("{path} is incomplete: {missing} of {units} units have no result; run its command again to go on", path = .path.display())]
+    #[error("{path} is incomplete: {missing} of {units} units (one tracker on one sequence each) have no result; run its command again to go on", path = .path.display())]
     Incomplete {
         /// The run directory.
         path: PathBuf,

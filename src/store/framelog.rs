@@ -66,6 +66,17 @@ struct Outcome<'a> {
 }
 
 impl Outcome<'_> {
+    /// The primary error, which is the first, of a frame that counts; infinite without output.
+    fn error(&self) -> Option<f64> {
+        match (self.status, self.values) {
+            (INIT | SKIPPED, _) => None,
+            (FAILED, _) => Some(f64::INFINITY),
+            (_, Some(values)) => values.first().copied(),
+            (_, None) if self.annotated && !self.output => Some(f64::INFINITY),
+            (_, None) => None,
+        }
+    }
+
     /// Counts the frame: not at all when the tracker was started on it or it was skipped; as one without output when it
     /// was a failure that the tracker was started anew after, with or without ground truth; else by its errors, where
     /// there is ground truth.
@@ -185,6 +196,34 @@ pub fn score_log(
     text: &[u8],
     annotated: impl Fn(usize) -> bool,
 ) -> Result<Errors, String> {
+    let mut errors = Errors::new(metrics);
+    read_log(metrics, text, annotated, |_, outcome| outcome.count(&mut errors))?;
+    Ok(errors)
+}
+
+/// The primary error of each evaluated frame of such a log, by the frame's number; infinite without output.
+///
+/// # Errors
+/// What is wrong with the text.
+pub fn frame_errors(
+    metrics: &MetricSet,
+    text: &[u8],
+    annotated: impl Fn(usize) -> bool,
+) -> Result<Vec<(usize, f64)>, String> {
+    let mut found = Vec::new();
+    read_log(metrics, text, annotated, |frame, outcome| {
+        found.extend(outcome.error().map(|error| (frame, error)));
+    })?;
+    Ok(found)
+}
+
+/// Hands each row of a log to `each`, with the number of its frame.
+fn read_log(
+    metrics: &MetricSet,
+    text: &[u8],
+    annotated: impl Fn(usize) -> bool,
+    mut each: impl FnMut(usize, &Outcome<'_>),
+) -> Result<(), String> {
     let mut reader = csv::ReaderBuilder::new().has_headers(true).from_reader(text);
     let headers = reader.byte_headers().map_err(|e| e.to_string())?;
     if headers.iter().nth(3) != Some(b"x1") || headers.iter().next() != Some(b"frame") {
@@ -200,7 +239,6 @@ pub fn score_log(
     if !of_dense.is_empty() && of_dense.len() != metrics.dense().count() {
         return Err("dense metrics are missing".into());
     }
-    let mut errors = Errors::new(metrics);
     let mut record = csv::StringRecord::new();
     let (mut values, mut dense, mut rows) = (Vec::new(), Vec::new(), 0);
     while reader.read_record(&mut record).map_err(|e| e.to_string())? {
@@ -227,12 +265,12 @@ pub fn score_log(
             values: scored.then_some(values.as_slice()),
             dense: scored_densely.then_some(dense.as_slice()),
         };
-        outcome.count(&mut errors);
+        each(frame, &outcome);
         rows += 1;
     }
     match rows {
         0 => Err("no rows".into()),
-        _ => Ok(errors),
+        _ => Ok(()),
     }
 }
 

@@ -7,7 +7,7 @@ use crate::judge::pairing::OtherSettings;
 use crate::judge::tolerances::{Tolerance, Tolerances};
 use crate::metric::MetricSet;
 use crate::report::text::{markdown, one_line};
-use crate::report::{Format, render};
+use crate::report::{Format, json_text, render};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -19,13 +19,15 @@ pub struct Report<'a> {
     pub metrics: &'a MetricSet,
     /// Changes that tables show; 0 for all.
     pub top: usize,
+    /// JSON is indented.
+    pub pretty: bool,
 }
 
 impl Report<'_> {
     /// Drops, what is missing, and one line that says how it went.
     pub fn text(&self, format: Format) -> String {
         match format {
-            Format::Json => json(self.findings, Some(self.tolerances)),
+            Format::Json => json_text(&json(self.findings, Some(self.tolerances)), self.pretty),
             Format::Csv => self.drops(format),
             Format::Table => {
                 format!("{}{}{}\n", self.drops(format), self.remarks(), self.conclusion())
@@ -213,7 +215,7 @@ pub fn keys(what: &str, subjects: &[Subject]) -> String {
 }
 
 /// Everything, for programs.
-pub fn json(findings: &Findings, tolerances: Option<&Tolerances>) -> String {
+pub fn json(findings: &Findings, tolerances: Option<&Tolerances>) -> serde_json::Value {
     let change = |f: &Finding| {
         serde_json::json!({
             "tracker": f.subject.tracker, "dataset": f.subject.dataset, "sequence": f.subject.sequence,
@@ -221,7 +223,7 @@ pub fn json(findings: &Findings, tolerances: Option<&Tolerances>) -> String {
         })
     };
     let changes = |list: &[Finding]| list.iter().map(change).collect::<Vec<_>>();
-    let value = serde_json::json!({
+    serde_json::json!({
         "passed": findings.conclusion() == Conclusion::Passed,
         "exit_code": of_conclusion(findings.conclusion()),
         "tolerances": tolerances,
@@ -235,6 +237,5 @@ pub fn json(findings: &Findings, tolerances: Option<&Tolerances>) -> String {
         "exact": findings.exact,
         "added": findings.added,
         "not_comparable": findings.not_comparable,
-    });
-    format!("{value:#}\n")
+    })
 }

@@ -1,6 +1,7 @@
 //! Which tracker and which sequence a file of results is of, by its path. A new layout is a line in [`LAYOUTS`].
 
 use super::super::Sequence;
+use crate::files::{self, Kind};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -78,6 +79,8 @@ impl Names {
     }
 }
 
+/// Folders between a frame log and the description of its tracker, at most: the dataset, one of many, and the tracker's own.
+const OWN_DEPTH: usize = 3;
 /// Endings of files that hold one number per frame beside the results, and of no results at all.
 const BESIDE: [&str; 6] = [
     "_time",
@@ -115,6 +118,17 @@ pub(super) fn claim(path: &Path, names: &Names) -> Option<(&'static str, Claim)>
         .collect();
     let last = parts.pop()?;
     parts.push(stem(&last)?.to_owned());
+    if let Some(tracker) = own_tracker(&full) {
+        let mut found = Found {
+            tracker: Some(tracker),
+            sequence: None,
+        };
+        let fits = found.fit("{seq}", parts.last()?, names);
+        return fits
+            .then(|| found.claim(&parts, names))
+            .flatten()
+            .map(|claim| (LAYOUTS[0], claim));
+    }
     LAYOUTS.into_iter().find_map(|layout| {
         let pattern: Vec<&str> = layout.split('/').collect();
         if pattern == ["{tracker}"] && !names.single {
@@ -129,6 +143,21 @@ pub(super) fn claim(path: &Path, names: &Names) -> Option<(&'static str, Claim)>
         let claim = fits.then(|| found.claim(&parts, names)).flatten()?;
         Some((layout, claim))
     })
+}
+
+/// The tracker of a frame log in a run directory of this program, whose `tracker.json` says what it is called. Large runs have
+/// folders between.
+fn own_tracker(path: &Path) -> Option<String> {
+    let description = path
+        .ancestors()
+        .skip(1)
+        .take(OWN_DEPTH)
+        .map(|folder| folder.join("tracker.json"));
+    let bytes = description
+        .filter(|file| file.is_file())
+        .find_map(|file| files::read(&file, Kind::SETTINGS).ok())?;
+    let value: serde_json::Value = serde_json::from_slice(&bytes).ok()?;
+    Some(value.get("id")?.as_str()?.to_owned())
 }
 
 /// What the placeholders stand for, as far as it is known.

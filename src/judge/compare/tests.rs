@@ -6,7 +6,7 @@ use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use serde_json::json;
 
-const TRACKERS: [&str; 3] = ["esm/ssd/affine", "iclk/ssd/affine", "nn/ssd/affine"];
+pub(super) const TRACKERS: [&str; 3] = ["esm/ssd/affine", "iclk/ssd/affine", "nn/ssd/affine"];
 
 fn run_of(name: &str, results: Results) -> FinishedRun {
     let sequences: BTreeSet<(String, String)> = results
@@ -28,7 +28,7 @@ fn run_of(name: &str, results: Results) -> FinishedRun {
 }
 
 /// Three trackers on twelve sequences; `shift` px of error on sequence `s` of tracker `t`.
-fn run(name: &str, shift: impl Fn(usize, usize) -> f64) -> FinishedRun {
+pub(super) fn run(name: &str, shift: impl Fn(usize, usize) -> f64) -> FinishedRun {
     let units: Vec<UnitResult> = (0..3)
         .flat_map(|t| (0..12).map(move |s| (t, s)))
         .map(|(t, s)| {
@@ -142,7 +142,7 @@ fn protocols_are_compared_apart() {
     let found = against(&one, &a).unwrap();
     assert_eq!((found.units, found.units_only_a, found.units_only_b), (12, 0, 12));
     assert!(
-        found.only_b.is_empty() && found.warnings[0].contains("12 runs"),
+        found.only_b.is_empty() && found.warnings[0].contains("12 units"),
         "{:?}",
         found.warnings
     );
@@ -291,7 +291,10 @@ fn what_only_one_run_has_is_named() {
             "parameters of iclk/ssd/affine: sm.max_iters 30 -> 50"
         ]
     );
-    assert!(found.warnings[0].contains("2 runs of compared trackers are in a alone"));
+    assert!(
+        found.warnings[0]
+            .contains("2 units (one tracker on one sequence each) of compared trackers are in a alone")
+    );
 }
 
 #[test]
@@ -423,7 +426,12 @@ fn a_failed_run_is_a_change() {
     b.results.sequences[0].status = UnitStatus::Failed("panic".to_owned());
     let found = against(&a, &b).unwrap();
     assert_eq!(found.changed[0].failed, [0, 1]);
-    assert!(found.warnings.iter().any(|w| w.contains("1 runs failed")));
+    assert!(
+        found
+            .warnings
+            .iter()
+            .any(|w| w.contains("1 units (one tracker on one sequence each) failed"))
+    );
 }
 
 #[test]

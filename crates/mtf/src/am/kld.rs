@@ -12,7 +12,7 @@ crate::params! {
         n_bins: usize = 8, in 4..=64;
         /// Count added to every bin before normalising.
         pre_seed: f64 = 10.0, in 1e-3..=1e6;
-        /// Damping of the Hessians by J'J, in units of the mean curvature per value.
+        /// Damping of the Hessians by J'J, as a multiple of the mean curvature per value.
         damping: f64 = 10.0, in 0.0..=1e6;
         /// Likelihood exp(alpha f): alpha.
         likelihood_alpha: f64 = 50.0, in 0.0..=1e6;

@@ -14,7 +14,7 @@ crate::params! {
         regions: usize = 3, in 1..=50;
         /// Samples from one region to the next (at most the side over the number of regions plus one).
         spacing: usize = 10, in 1..=1000;
-        /// Damping of the Hessians by J'J, in units of the mean curvature per value.
+        /// Damping of the Hessians by J'J, as a multiple of the mean curvature per value.
         damping: f64 = 10.0, in 0.0..=1e6;
         /// Likelihood exp(alpha f / regions²): alpha.
         likelihood_alpha: f64 = 50.0, in 0.0..=1e6;

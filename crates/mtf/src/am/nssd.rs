@@ -12,11 +12,11 @@ crate::params! {
     pub struct NssdParams {
         /// Loss of single differences: none (squares), huber or tukey (M-estimators, scaled by the median difference).
         robust: Robust = Robust::None;
-        /// What intensity 0 becomes.
+        /// What gray level 0 becomes.
         norm_min: f64 = 0.0, in -1e4..=0.0;
-        /// What intensity 255 becomes.
+        /// What gray level 255 becomes.
         norm_max: f64 = 1.0, in 1e-3..=1e4;
-        /// Likelihood exp(-alpha sqrt(-f/n)) of n values: alpha.
+        /// Likelihood exp(-alpha sqrt(-f/n)) of n values: alpha, per normalised gray level.
         likelihood_alpha: f64 = 500.0, in 0.0..=1e6;
     }
 }

@@ -32,9 +32,9 @@ crate::params! {
         n_eigenvec: usize = 16, in 1..=MAX_VECTORS;
         /// Frames between updates of the subspace.
         batch_size: usize = 5, in 2..=64;
-        /// Forgetting factor.
+        /// Forgetting factor: weight of what was learnt before at each update.
         f_factor: f64 = 0.95, in 0.01..=1.0;
-        /// Likelihood exp(-alpha sqrt(-f/n)) of n values: alpha.
+        /// Likelihood exp(-alpha sqrt(-f/n)) of n values: alpha, per gray level.
         likelihood_alpha: f64 = 2.0, in 0.0..=1e6;
     }
 }

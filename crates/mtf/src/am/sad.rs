@@ -11,7 +11,7 @@ use crate::tracker::TrackError;
 crate::params! {
     /// Parameters of [`Sad`].
     pub struct SadParams {
-        /// Likelihood exp(-alpha * mean absolute difference): alpha.
+        /// Likelihood exp(-alpha * mean absolute difference): alpha, per gray level.
         likelihood_alpha: f64 = 2.0, in 0.0..=1e6;
     }
 }

@@ -51,7 +51,7 @@ crate::params! {
         mapped_gradient: bool = false, changes [Derivatives];
         /// Nearest-neighbour feature: the plain patch with Euclidean distance, without a map.
         approx_feature: bool = false, changes [Distances];
-        /// Likelihood exp(-alpha sqrt(-f/n)) of n values: alpha.
+        /// Likelihood exp(-alpha sqrt(-f/n)) of n values: alpha, per gray level.
         likelihood_alpha: f64 = 2.0, in 0.0..=1e6;
     }
 }
@@ -77,7 +77,7 @@ crate::params! {
         mapped_gradient: bool = false, changes [Derivatives];
         /// Nearest-neighbour feature: the plain patch with Euclidean distance, without a map.
         approx_feature: bool = false, changes [Distances];
-        /// Likelihood exp(-alpha sqrt(-f/n)) of n values: alpha.
+        /// Likelihood exp(-alpha sqrt(-f/n)) of n values: alpha, per gray level.
         likelihood_alpha: f64 = 2.0, in 0.0..=1e6;
     }
 }

@@ -20,7 +20,7 @@ crate::params! {
     pub struct SsdParams {
         /// Loss of single differences: none (squares), huber or tukey (M-estimators, scaled by the median difference).
         robust: Robust = Robust::None;
-        /// Likelihood exp(-alpha sqrt(-f/n)) of n values: alpha.
+        /// Likelihood exp(-alpha sqrt(-f/n)) of n values: alpha, per gray level.
         likelihood_alpha: f64 = 2.0, in 0.0..=1e6;
     }
 }

@@ -24,9 +24,9 @@ use crate::tracker::TrackError;
 crate::params! {
     /// Parameters of [`Ssim`].
     pub struct SsimParams {
-        /// Luminance constant: c1 = (255 k1)².
+        /// Luminance constant as a share of 255 gray levels: c1 = (255 k1)².
         k1: f64 = 0.01, in 1e-6..=10.0;
-        /// Contrast constant: c2 = (255 k2)².
+        /// Contrast constant as a share of 255 gray levels: c2 = (255 k2)².
         k2: f64 = 0.03, in 1e-6..=10.0;
         /// Likelihood exp(-2 alpha (1 - f)): alpha.
         likelihood_alpha: f64 = 50.0, in 0.0..=1e6;

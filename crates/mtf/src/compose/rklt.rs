@@ -26,7 +26,7 @@ crate::params! {
         /// The template tracker uses only those of its points whose nearest point of the leader's grid agrees with the leader's
         /// fit. Needs a leader with a grid (flow, grid, line) and a gradient search with a model that can leave out pixels.
         rkl_spi: bool = false, paper true => "fewer pixels lose the object sooner: AUC .901 against .886 (SR@1 .829 against .836), and most models cannot leave out any";
-        /// Similarity of the template tracker's, in its own units, from which its answer is enough that starts where the object
+        /// Similarity of the template tracker's appearance model, on that model's scale, from which its answer is enough that starts where the object
         /// was: the leader is not asked then. 1e30: never.
         rkl_enough: f64 = NEVER, in -NEVER..=NEVER;
     }

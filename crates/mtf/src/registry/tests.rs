@@ -360,6 +360,33 @@ fn numbers_beyond_reason_are_refused_with_their_bounds() {
 }
 
 #[test]
+fn numbers_that_are_no_counts_have_units() {
+    const WORDS: [&str; 14] = [
+        "px",
+        "gray level",
+        "share",
+        "factor",
+        "ratio",
+        "fraction",
+        "relative",
+        "probability",
+        "correlation",
+        "alpha",
+        "multiple",
+        "0 not at all",
+        "model's scale",
+        "kernel",
+    ];
+    let r = Registry::builtin();
+    for (_, part, info) in r.params() {
+        let fractional = info.default.parse::<f64>().is_ok() && info.default.contains(['.', 'e']);
+        let doc = info.doc.to_lowercase();
+        let told = !fractional || WORDS.iter().any(|word| doc.contains(word));
+        assert!(told, "{part}.{}: {}", info.name, info.doc);
+    }
+}
+
+#[test]
 fn paper_gives_the_published_values_where_nothing_else_is_said() {
     let r = Registry::builtin();
     for (text, id) in [

@@ -16,7 +16,7 @@ crate::params! {
     pub struct TpsParams {
         /// Control points over the region, columns x rows.
         control_net: Resolution = Resolution { cols: 4, rows: 4 };
-        /// Stiffness λ: 0 interpolates the control points.
+        /// Stiffness λ, added to the diagonal of the kernel r² ln r, where r is in RMS distances of the region's corners from their centre; 0 interpolates the control points.
         stiffness: f64 = 0.0, in 0.0..=1e6;
         /// Penalty on unexpected bending, relative to the mean diagonal of the Hessian.
         bend_penalty: f64 = 1.0, in 0.0..=1e6;

@@ -14,7 +14,7 @@ use crate::ssm::{Increment, JacobianKind, StateSpaceModel};
 crate::params! {
     /// Parameters of steepest ascent.
     pub struct FcsdParams {
-        /// Factor of the step; 0: from the curvature along it.
+        /// Factor of the gradient that is the step; 0: from the curvature along it.
         learning_rate: f64 = 0.0, in 0.0..=1e3;
     }
 }

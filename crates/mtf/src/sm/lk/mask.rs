@@ -36,7 +36,7 @@ crate::params! {
     pub struct MaskParams {
         /// Points used: none (no selection), pixel (small difference), gradient (steep), gftt (near good features).
         spi: PointRule = PointRule::None;
-        /// Rule pixel: largest difference, as a share of the template's range.
+        /// Rule pixel: largest difference, as a share of the template's range of gray levels.
         spi_difference: f64 = 0.25, in 1e-6..=1.0;
         /// Rule gradient: least gradient, gray levels per px.
         spi_gradient: f64 = 0.5, in 0.0..=255.0;
@@ -44,7 +44,7 @@ crate::params! {
         spi_quality: f64 = 0.001, in 1e-9..=1.0;
         /// Rule gftt: most corners.
         spi_corners: usize = 1000, in 1..=1_000_000;
-        /// Rule gftt: points this far from a corner along each axis are kept.
+        /// Rule gftt: points up to this many grid points from a corner along each axis are kept.
         spi_reach: usize = 2, in 0..=100;
         /// Rules gradient and gftt: points that pass on the template are kept as well.
         spi_union: bool = false;

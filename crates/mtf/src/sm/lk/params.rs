@@ -43,9 +43,9 @@ crate::params! {
         second_order: bool = false;
         /// Levenberg-Marquardt damping, steps accepted by the similarity (centred models: by the size of the gradient).
         leven_marq: bool = false;
-        /// Levenberg-Marquardt: initial damping.
+        /// Levenberg-Marquardt: initial damping, as a share of the Hessian's diagonal.
         lm_init: f64 = 0.01, in 1e-10..=1e10;
-        /// Levenberg-Marquardt: factor of the damping.
+        /// Levenberg-Marquardt: factor by which the damping grows and falls.
         lm_factor: f64 = 10.0, in 1.01..=1e6;
         /// Compositional Jacobians from the image's gradient carried through the warp (1), or from differences of the warped
         /// image (0).

@@ -37,10 +37,10 @@ crate::params! {
         update: Step = Step::Compositional;
         /// What is disturbed: corners, points, params, or geometric (affine, similitude: shift, scale, angles).
         perturb: Perturbation = Perturbation::Corners;
-        /// Unit of sigma, of lengths: px or side (of the region as a square).
+        /// Unit of lengths in sigma: px, or side (1 is the side of the region as a square).
         unit: SampleUnit = SampleUnit::Pixels;
-        /// Deviations of samples: common shift and single coordinate (COMMON:SINGLE), or one per parameter; sets separated by
-        /// '|' share the samples.
+        /// Standard deviations of samples: common shift and single coordinate (COMMON:SINGLE) in what unit names, or one per
+        /// parameter, in the parameter's unit (shifts as unit names, angles in rad); sets separated by '|' share the samples.
         sigma: SigmaSets = SigmaSets(
             [0.25, 0.5, 1.0, 2.0, 4.0, 8.0].iter().map(|t| vec![*t, 0.5 * t]).collect()
         );
@@ -58,7 +58,7 @@ crate::params! {
         centres: Centres = Centres::Random;
         /// kmeans, composite: most iterations of k-means.
         kmeans_iters: usize = 11, in 0..=100_000;
-        /// kmeans, composite: how much sooner clusters of large variance are looked at.
+        /// kmeans, composite: how much sooner clusters of large variance are looked at; factor of the variance beside the squared distance.
         cb_index: f64 = 0.2, in 0.0..=100.0;
         /// hierarchical: trees.
         trees: usize = 4, in 1..=100;

@@ -71,22 +71,22 @@ crate::params! {
         update: Step = Step::Compositional;
         /// What is disturbed: corners, points, params, or geometric (affine, similitude: shift, scale, angles).
         perturb: Perturbation = Perturbation::Corners;
-        /// Unit of sigma, of lengths: px or side (of the region as a square).
+        /// Unit of lengths in sigma: px, or side (1 is the side of the region as a square).
         unit: SampleUnit = SampleUnit::Pixels;
-        /// Deviations of random steps: common shift and single coordinate (COMMON:SINGLE), or one per parameter; sets separated
-        /// by '|' share the particles.
+        /// Standard deviations of random steps: common shift and single coordinate (COMMON:SINGLE) in what unit names, or one per
+        /// parameter, in the parameter's unit (shifts as unit names, angles in rad); sets separated by '|' share the particles.
         sigma: SigmaSets = SigmaSets(vec![vec![2.5, 2.5]]);
         /// If not 0: the parameters are disturbed, with deviations estimated such that the corners move by so many px (RMS), instead
         /// of what perturb, unit and sigma say; sets separated by '|'.
         pix_sigma: SigmaSets = SigmaSets::single(0.0);
-        /// Factor of the deviations from pass to pass.
+        /// Factor of the standard deviations from pass to pass.
         shrink: f64 = 0.6, in 0.01..=1.0;
         /// Weights: tempered, am, gaussian or reciprocal. With m = f(T,T) - f, divided by f(T,T), or where that is 0 by the
         /// number of values: gaussian exp(-m / 2 measurement_sigma), reciprocal 1 / (1 + m).
         likelihood: Likelihood = Likelihood::Tempered, paper Likelihood::Am => "one setting for models of any scale, and finer: SR@1 .39 against .21 (AUC .824 against .833)";
         /// Tempered weights: effective particles as a share of all.
         effective_share: f64 = 0.05, in 1e-4..=1.0;
-        /// Deviation of gaussian weights.
+        /// Variance of gaussian weights, relative as m is (see likelihood).
         measurement_sigma: f64 = 0.002, in 1e-9..=1e9;
         /// none, binary (multinomial, binary search), linear (multinomial, linear search), residual or systematic.
         resampling: Resampling = Resampling::Systematic, paper Resampling::Binary => "one random number instead of one per particle, and less scatter: AUC .824 with both";

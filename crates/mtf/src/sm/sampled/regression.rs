@@ -47,10 +47,10 @@ crate::params! {
         epsilon: f64 = 1e-4, in 0.0..=1e6;
         /// What is disturbed: corners, points or params.
         perturb: Perturbation = Perturbation::Corners;
-        /// Unit of sigma: px or side (of the region as a square).
+        /// Unit of lengths in sigma: px, or side (1 is the side of the region as a square).
         unit: SampleUnit = SampleUnit::Pixels;
-        /// Deviations of samples, a set per level, the coarsest first: common shift and single coordinate (COMMON:SINGLE), or one
-        /// per parameter.
+        /// Standard deviations of samples, a set per level, the coarsest first: common shift and single coordinate (COMMON:SINGLE) in
+        /// what unit names, or one per parameter, in the parameter's unit.
         sigma: SigmaSets = SigmaSets(LEVELS.iter().map(|l| l.to_vec()).collect());
         /// Ridge as a share of the inputs' mean square.
         ridge: f64 = 0.1, in 1e-9..=1e3;
