@@ -3,6 +3,7 @@
 //! A named pipe, a socket or a device is refused before it is opened, because opening or reading one may wait or go on
 //! for ever. A file larger than its kind can be is refused before it is read. Depends on nothing.
 
+use ruzstd::decoding::StreamingDecoder;
 use std::fs::{self, FileType, Metadata};
 use std::io::{self, Read};
 use std::path::Path;
@@ -115,6 +116,21 @@ pub fn read(path: &Path, kind: Kind) -> io::Result<Vec<u8>> {
     file.take(kind.most + 1).read_to_end(&mut bytes)?;
     within(bytes.len() as u64, kind)?;
     Ok(bytes)
+}
+
+/// `bytes` without their compression (Zstandard), if they have one.
+///
+/// # Errors
+/// What is wrong with the compressed bytes.
+pub fn unpack(bytes: Vec<u8>) -> Result<Vec<u8>, String> {
+    const MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+    if !bytes.starts_with(&MAGIC) {
+        return Ok(bytes);
+    }
+    let mut text = Vec::new();
+    let mut decoder = StreamingDecoder::new(bytes.as_slice()).map_err(|e| e.to_string())?;
+    decoder.read_to_end(&mut text).map_err(|e| e.to_string())?;
+    Ok(text)
 }
 
 /// The file at `path` to be read piece by piece, links followed.

@@ -29,6 +29,7 @@ const ANGLE: Metric = Metric {
     lost: f64::INFINITY,
     steps_per_unit: 5.0,
     tolerance: Some(0.1),
+    of_boxes: false,
     definition: Definition::Corners(top_edge),
 };
 

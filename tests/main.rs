@@ -36,6 +36,7 @@ mod requirements;
 mod resume;
 mod runs;
 mod same_bytes;
+mod score;
 mod sweep;
 mod synth;
 mod top;
@@ -79,6 +80,7 @@ fn main() -> std::process::ExitCode {
         requirements::TESTS,
         resume::TESTS,
         same_bytes::TESTS,
+        score::TESTS,
         sweep::TESTS,
         synth::TESTS,
         top::TESTS,

@@ -520,7 +520,7 @@ fn frame_logs_may_be_compressed() {
     };
     let (csv, zst) = (log("csv", "csv"), log("zst", "csv.zst"));
     assert!(zst.len() < csv.len() * 2 / 3, "{} of {}", zst.len(), csv.len());
-    assert_eq!(mtf_eval::store::framelog::unpack_log(zst).unwrap(), csv);
+    assert_eq!(mtf_eval::files::unpack(zst).unwrap(), csv);
     for file in ["summary.csv", "sequences.csv", "curves.csv"] {
         assert_eq!(
             fs::read(dir.join("csv").join(file)).unwrap(),

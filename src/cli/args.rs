@@ -7,6 +7,7 @@ use super::values::{
     resolution, size, threads,
 };
 use crate::dataset::{BoxForm, Depth16, Origin, Reading, TruthRows};
+use crate::judge::field::{BENCHMARKS, Benchmark};
 use crate::judge::ranking::{Group, Part, Pick, figure, parse_sort};
 use crate::metric::MetricSet;
 use crate::plan::{Protocols, Shard};
@@ -323,6 +324,17 @@ pub struct TableArgs {
     /// Which trackers, and numbers by group.
     #[command(flatten)]
     pub pick: PickArgs,
+    /// Print the figures of a benchmark instead: planartrack, pot, vot, tmt, otb or longterm
+    #[arg(long, value_name = "BENCHMARK", value_parser = benchmark, hide_short_help = true)]
+    pub report_as: Option<&'static Benchmark>,
+    /// With --report-as: the benchmark's published figures below ours
+    #[arg(long, requires = "report_as", hide_short_help = true)]
+    pub with_published: bool,
+}
+
+fn benchmark(name: &str) -> Result<&'static Benchmark, String> {
+    let names: Vec<&str> = BENCHMARKS.iter().map(|b| b.name).collect();
+    Benchmark::named(name).ok_or_else(|| format!("expected {}", names.join(", ")))
 }
 
 /// Which trackers of a table, and figures by group.

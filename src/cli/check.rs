@@ -349,6 +349,7 @@ mod tests {
             start: 0,
             protocol: "ope".to_owned(),
             restarted: false,
+            boxes: false,
             status: UnitStatus::Ok,
             errors,
         }

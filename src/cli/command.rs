@@ -4,7 +4,9 @@ use super::args::Messages;
 use super::console::print;
 use super::exit::{self, Failure, Outcome};
 use super::program::Program;
-use super::{basin, bench, check, compare, data, diagnose, list, merge, plan, plot, run, status, synth, top};
+use super::{
+    basin, bench, check, compare, data, diagnose, list, merge, plan, plot, run, score, status, synth, top,
+};
 use clap::{CommandFactory, Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -39,6 +41,8 @@ pub enum Command {
     Plot(plot::PlotArgs),
     /// Compare a run with a recorded baseline: exit 0 or 10
     Check(check::CheckArgs),
+    /// Score what other programs have recorded, with the tables and files of a run
+    Score(Box<score::ScoreArgs>),
     /// Compare runs: what changed, and whether it is more than chance
     Compare(compare::CompareArgs),
     /// Render an image sequence with exact ground truth, from any image or a texture drawn by code
@@ -80,6 +84,7 @@ pub fn dispatch(command: Command, program: &Program) -> Outcome {
             let again = |words: &[String]| Ok(run::repeat(words, program)?);
             check::run(&args, &program.catalogue.metrics, &program.console, &again).or_else(exit::of_chain)
         }
+        Command::Score(args) => score::run(&args, program),
         Command::Compare(args) => compare::run(&args, program),
         Command::Synth(args) => synth::run(&args, &|line| program.console.line(line)).or_else(exit::of_chain),
         Command::Diagnose(args) => diagnose::run(&args, program),

@@ -1,16 +1,18 @@
 //! `mtf-eval data`: looks into datasets and finds what is wrong with them.
 
-use super::args::TruthArgs;
+use super::args::{SelectionArgs, TruthArgs};
 use super::console::print;
-use super::exit;
-use super::experiment::warn_of;
+use super::exit::{self, Failure};
+use super::experiment::{sequences, warn_of};
 use super::program::Program;
+use crate::dataset::convert::{self, TARGETS, Target};
 use crate::dataset::{self, Dataset, LoadOptions, Severity};
 use crate::report::{Format, render, text::one_line};
 use anyhow::Result;
 use clap::{Args, Subcommand, ValueEnum};
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Find what is wrong with datasets, or show what they hold
@@ -30,6 +32,21 @@ enum DataCommand {
         /// How ground truth is read.
         #[command(flatten)]
         truth: TruthArgs,
+    },
+    /// Write a dataset in the form of another; frames are copied as they are. Says what the form has no place for
+    Convert {
+        /// Dataset: a folder, or `builtin` for the embedded one
+        #[arg(value_name = "DATA")]
+        path: PathBuf,
+        /// The form: tmt, vot, otb, pot, planartrack or corners
+        #[arg(long, value_name = "FORM", value_parser = target)]
+        to: &'static dyn Target,
+        /// The folder to make
+        #[arg(value_name = "OUT")]
+        out: PathBuf,
+        /// Which sequences and frames.
+        #[command(flatten)]
+        selection: SelectionArgs,
     },
     /// Show sequences with their format, frames, size, tags and fingerprint
     Info {
@@ -59,6 +76,12 @@ enum InfoFormat {
 pub fn run(args: &DataArgs, program: &Program) -> Result<ExitCode> {
     match &args.command {
         DataCommand::Check { paths, truth } => check(paths, &options(truth, program), program),
+        DataCommand::Convert {
+            path,
+            to,
+            out,
+            selection,
+        } => Ok(convert(path, *to, out, selection, program)?),
         DataCommand::Info {
             paths,
             format,
@@ -66,6 +89,46 @@ pub fn run(args: &DataArgs, program: &Program) -> Result<ExitCode> {
             truth,
         } => info(paths, *format, *paranoid, &options(truth, program), program),
     }
+}
+
+fn target(name: &str) -> Result<&'static dyn Target, String> {
+    let known = TARGETS
+        .into_iter()
+        .find(|target| target.name().eq_ignore_ascii_case(name));
+    known.ok_or_else(|| {
+        let names: Vec<&str> = TARGETS.iter().map(|target| target.name()).collect();
+        format!("expected {}", names.join(", "))
+    })
+}
+
+fn convert(
+    path: &Path,
+    target: &dyn Target,
+    out: &Path,
+    selection: &SelectionArgs,
+    program: &Program,
+) -> Result<ExitCode, Failure> {
+    let chosen = sequences(&[path.to_path_buf()], selection, program)?;
+    let done = convert::convert(&chosen.sequences, target, out).map_err(Failure::usage)?;
+    let mut by_loss: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    done.lost
+        .iter()
+        .for_each(|(sequence, lost)| by_loss.entry(lost).or_default().push(sequence));
+    for (lost, sequences) in by_loss {
+        let more = match sequences.len() {
+            1 => String::new(),
+            n => format!(" and {} more", n - 1),
+        };
+        program.console.warn(&format!("{}{more}: {lost}", sequences[0]));
+    }
+    let plural = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+    let (sequences, frames) = (plural(done.sequences, "sequence"), plural(done.frames, "frame"));
+    program.console.note(&format!(
+        "{sequences}, {frames} in {} as {}",
+        out.display(),
+        target.name()
+    ));
+    Ok(ExitCode::SUCCESS)
 }
 
 fn options(truth: &TruthArgs, program: &Program) -> LoadOptions {

@@ -462,7 +462,10 @@ fn read_as(sequences: &[Sequence]) -> Map<String, Value> {
 }
 
 /// Replaces ground truth by what the state space model `name` can follow of it.
-fn fit_truth(sequences: &mut [Sequence], registry: &Registry, name: &str) -> Result<(), Failure> {
+///
+/// # Errors
+/// No such model, or ground truth that it does not fit.
+pub fn fit_truth(sequences: &mut [Sequence], registry: &Registry, name: &str) -> Result<(), Failure> {
     let models = registry
         .select_ssms(name)
         .map_err(|e| Failure::usage(format!("--gt-ssm: {e}")))?;

@@ -48,7 +48,8 @@ pub struct MergeArgs {
 /// Directories that are no runs, are of different runs, are in use or incomplete.
 pub fn run(args: &MergeArgs, program: &Program) -> Outcome {
     let catalogue = &program.catalogue;
-    let options = args.table.options(&catalogue.metrics, &program.console)?;
+    // Before anything is read.
+    args.table.options(&catalogue.metrics, &program.console)?;
     let request = MergeRequest {
         parts: args.shards.clone(),
         out: args.out.clone(),
@@ -62,7 +63,7 @@ pub fn run(args: &MergeArgs, program: &Program) -> Outcome {
     };
     let progress = Progress::new(&program.console, program.progress);
     match merge(&request, &progress)? {
-        Merged::Complete(report) => show(&report, &options, &program.console),
+        Merged::Complete(report) => show(&report, &args.table, program),
         Merged::Incomplete(missing) => {
             let lacking = missing.missing.len();
             let message = format!(

@@ -23,6 +23,7 @@ mod program;
 mod progress;
 mod recorded;
 mod run;
+mod score;
 mod signals;
 mod status;
 pub mod synth;

@@ -1,15 +1,16 @@
 //! `mtf-eval run`: from the arguments to a request for the runner, and from its report to the table.
 
 use super::args::{ExecutionArgs, ExperimentArgs, Messages, TableArgs};
-use super::console::{Console, print, print_data_line};
+use super::console::{print, print_data_line};
 use super::exit::{self, Failure, Outcome};
 use super::experiment::experiment;
 use super::program::Program;
 use super::progress::Progress;
 use super::recorded::recorded;
 use super::signals::stop_on_signals;
+use crate::judge::field;
 use crate::plan::{RunRequest, RunRequestBuilder};
-use crate::report::{TableOptions, table};
+use crate::report::{field_table, table};
 use crate::run::RunReport;
 use clap::{Args, Parser};
 use std::path::{Path, PathBuf};
@@ -55,7 +56,8 @@ pub fn run(args: &RunArgs, program: &Program) -> Outcome {
     let typed = &program.arguments;
     // Before the command there are but flags of messages, none of which has this value.
     let own = typed.iter().position(|word| word == "run").map_or(0, |at| at + 1);
-    let options = args.table.options(&program.catalogue.metrics, &program.console)?;
+    // Before anything runs.
+    args.table.options(&program.catalogue.metrics, &program.console)?;
     let report = track(args, &typed[own..], program)?;
     if let Some(shard) = args.execution.shard {
         program.console.note(&format!(
@@ -63,15 +65,23 @@ pub fn run(args: &RunArgs, program: &Program) -> Outcome {
             report.units
         ));
     }
-    show(&report, &options, &program.console)
+    show(&report, &args.table, program)
 }
 
 /// Prints the table of a finished run; its exit code.
 ///
 /// # Errors
-/// Stdout cannot be written to.
-pub fn show(report: &RunReport, options: &TableOptions, console: &Console) -> Outcome {
-    print(&table(&report.results, &report.speeds, options))?;
+/// Wrong arguments, or stdout cannot be written to.
+pub fn show(report: &RunReport, args: &TableArgs, program: &Program) -> Outcome {
+    let console = &program.console;
+    let options = args.options(&program.catalogue.metrics, console)?;
+    match args.report_as {
+        Some(benchmark) => {
+            let rows = field::report(&report.path, benchmark).map_err(Failure::usage)?;
+            print(&field_table(&rows, benchmark, args.with_published, &options))?;
+        }
+        None => print(&table(&report.results, &report.speeds, &options))?,
+    }
     print_data_line(report.data.line().as_deref(), options.format, console)?;
     for (unit, reason) in report.failed.iter().take(FAILURES_SHOWN) {
         console.warn(&format!("{unit}: {reason}"));
@@ -165,7 +175,10 @@ fn request(args: &RunArgs, words: &[String], program: &Program) -> Result<RunReq
 }
 
 /// `results/<UTC date-time>-<hash of what is run>`.
-fn default_out(request: &RunRequestBuilder) -> Result<PathBuf, Failure> {
+///
+/// # Errors
+/// There is nothing to run.
+pub fn default_out(request: &RunRequestBuilder) -> Result<PathBuf, Failure> {
     let plan = request.plan()?;
     let plan = serde_json::to_vec(&plan).map_err(Failure::usage)?;
     let format = time::macros::format_description!("[year][month][day]-[hour][minute][second]");

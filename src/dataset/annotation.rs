@@ -104,6 +104,8 @@ pub struct Annotations {
     pub(super) warnings: Vec<DatasetError>,
     /// The frame of each row that names none, `None` where it is not there.
     pub(super) rows: Vec<Option<usize>>,
+    /// What a tracker said, which may be any four corners.
+    results: bool,
 }
 
 impl Annotations {
@@ -113,6 +115,44 @@ impl Annotations {
             frames: vec![Annotation::default(); frames],
             ..Annotations::default()
         }
+    }
+
+    /// Those of results of a tracker, which may have any finite corners, of `frames` frames of which nothing is known.
+    pub(super) fn of_results(frames: usize) -> Self {
+        Annotations {
+            results: true,
+            ..Annotations::new(frames)
+        }
+    }
+
+    /// Asks for a reading.
+    pub(super) fn ask(&mut self, reading: Reading) {
+        self.asked = reading;
+    }
+
+    /// Where the first pixel is.
+    pub(super) fn origin(&self) -> Origin {
+        self.origin
+    }
+
+    /// What its boxes are, when it has any.
+    pub(super) fn boxes(&self) -> Option<BoxForm> {
+        self.boxes
+    }
+
+    /// Keeps the frames of these indices alone.
+    pub(super) fn select(&mut self, frames: impl Iterator<Item = usize>) {
+        self.frames = frames.map(|i| std::mem::take(&mut self.frames[i])).collect();
+    }
+
+    /// What is known of each frame.
+    pub(super) fn into_frames(self) -> Vec<Annotation> {
+        self.frames
+    }
+
+    /// Everything that is wrong, which is forgotten.
+    pub(super) fn take_faults(&mut self) -> Vec<DatasetError> {
+        std::mem::take(&mut self.faults)
     }
 
     /// How the truth is to be read, as far as that is asked for in place of what the format usually has.
@@ -140,6 +180,10 @@ impl Annotations {
     /// is not annotated. Panics when there is no such frame.
     pub fn set(&mut self, frame: usize, location: Location, region: Result<Region, DatasetErrorKind>) {
         let checked = region.and_then(|region| match region {
+            Region::Corners(corners) if self.results => Ok(match corners.is_finite() {
+                true => region,
+                false => Region::Absent,
+            }),
             Region::Corners(corners) => check_corners(&corners).map(|()| region),
             Region::Unknown | Region::Absent => Ok(region),
         });

@@ -115,6 +115,115 @@ pub enum DatasetErrorKind {
     /// Ground truth without frames.
     #[error("no frames ({} files) for the ground truth; add them", image_formats())]
     NoFrames,
+    /// Nothing that was given as results belongs to a sequence.
+    #[error(
+        "no results: none of the {files} files here is called after a sequence of the data (such as `{example}`); expected \
+         {expected}, each with .txt, .csv or .bin"
+    )]
+    NoResults {
+        /// Files that may be results.
+        files: usize,
+        /// Name of a sequence.
+        example: String,
+        /// The layouts.
+        expected: String,
+    },
+    /// Two files of the same results.
+    #[error("results of {tracker} on {sequence}, as `{}` has; give one of them", other.display())]
+    TwoResults {
+        /// The other file.
+        other: PathBuf,
+        /// Name of the tracker.
+        tracker: String,
+        /// Name of the sequence.
+        sequence: String,
+    },
+    /// A tracker's results have two forms.
+    #[error(
+        "boxes, while `{}`, by {tracker} as well, has corners; boxes are scored by fewer metrics, so give them apart, or \
+         another name",
+        other.display()
+    )]
+    BoxesAndCorners {
+        /// A file with corners.
+        other: PathBuf,
+        /// Name of the tracker.
+        tracker: String,
+    },
+    /// Fewer rows of results than frames, and it is not known which.
+    #[error(
+        "{rows} rows for {frames} frames, and the first is not the region that the tracker was started on; \
+         --first-frame-included no if rows begin with the second frame, yes if the last frames are missing"
+    )]
+    FirstFrame {
+        /// Rows.
+        rows: usize,
+        /// Frames.
+        frames: usize,
+    },
+    /// More rows of results than frames.
+    #[error(
+        "{rows} rows for {frames} frames; give results of this data, with the --frame-gap and --max-frames that they were \
+         made with"
+    )]
+    MoreResults {
+        /// Rows.
+        rows: usize,
+        /// Frames.
+        frames: usize,
+    },
+    /// Rows of nine numbers, or of three.
+    #[error(
+        "looks like homographies; say which way they go: --homographies from-first (points of the first frame to this one) or \
+         to-first"
+    )]
+    Homographies,
+    /// Rows that name other frames.
+    #[error(
+        "none of its rows is for one of the {frames} frames of the sequence ({rows} name others); give results of this data"
+    )]
+    OtherFrames {
+        /// Rows with other names.
+        rows: usize,
+        /// Frames.
+        frames: usize,
+    },
+    /// Results of a protocol that starts trackers anew.
+    #[error(
+        "results of an experiment that starts the tracker anew after failures, which is not one pass; give those of an \
+         unsupervised or long-term experiment"
+    )]
+    Restarted,
+    /// A frame log that cannot be read.
+    #[error("a damaged frame log ({reason}); give the run's own copy, or run it again")]
+    FrameLog {
+        /// What is wrong.
+        reason: String,
+    },
+    /// Compressed bytes that are damaged.
+    #[error("damaged compressed bytes ({reason}); give the file as it was written")]
+    Packed {
+        /// What is wrong.
+        reason: String,
+    },
+    /// A binary trajectory that ends early.
+    #[error("the binary trajectory ends in region {row}; give the whole file")]
+    ShortTrajectory {
+        /// Region, from 1.
+        row: usize,
+    },
+    /// A mask.
+    #[error("region {row} is a mask, which has no corners; give polygons or boxes")]
+    MaskResult {
+        /// Region, from 1.
+        row: usize,
+    },
+    /// A point, or what is not known.
+    #[error("region {row} is neither a box nor a polygon; give polygons of four corners or boxes")]
+    OtherRegion {
+        /// Region, from 1.
+        row: usize,
+    },
     /// The ground truth is no text.
     #[error("not a text file; ground truth is a line of numbers per frame")]
     NotText,

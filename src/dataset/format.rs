@@ -275,6 +275,14 @@ impl TruthFile {
         })
     }
 
+    /// With another content: text that was brought to another form.
+    pub(super) fn new(file: &File, bytes: Vec<u8>) -> Self {
+        TruthFile {
+            bytes: Cow::Owned(bytes),
+            file: file.clone(),
+        }
+    }
+
     #[cfg(test)]
     pub(super) fn of(name: &str, bytes: Vec<u8>) -> Self {
         TruthFile {

@@ -7,6 +7,7 @@
 mod absence;
 mod annotation;
 mod check;
+pub mod convert;
 mod decode;
 mod dense;
 mod error;
@@ -17,6 +18,7 @@ mod names;
 mod open;
 mod order;
 mod reading;
+pub mod recorded;
 pub mod rows;
 mod sequence;
 mod storage;
@@ -40,6 +42,7 @@ pub use storage::{File, Folder};
 
 use include_dir::{Dir, include_dir};
 use open::Draft;
+use sha2::{Digest, Sha256};
 use std::path::Path;
 use std::sync::Arc;
 use storage::{Disk, Embedded};
@@ -213,6 +216,50 @@ pub fn load_where(
 /// The sequences embedded in the program.
 pub fn builtin() -> Result<Dataset, DatasetError> {
     load(Path::new(BUILTIN), &LoadOptions::default())
+}
+
+/// A sequence of which there is nothing but the file of ground truth `path`: frames have the names in its rows, or count from
+/// 1, and cannot be read. It is called like the file, without `_groundtruth`, or like the folder around `groundtruth.txt`.
+///
+/// # Errors
+/// The file cannot be read, or a row of it is faulty.
+pub fn truth_alone(path: &Path, reading: Reading) -> Result<Sequence, DatasetError> {
+    let folder = path
+        .parent()
+        .filter(|p| !p.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
+    let folder = Folder::new(Arc::new(Disk), folder.to_path_buf());
+    let file = path
+        .file_name()
+        .and_then(|name| folder.file(&name.to_string_lossy()));
+    let file = file.ok_or_else(|| DatasetError::new(path, DatasetErrorKind::Missing))?;
+    let truth = TruthFile::read(&file)?;
+    let names = rows::frame_names(&truth.text()?);
+    let frames: Vec<File> = names.into_iter().map(|name| folder.unread(name)).collect();
+    let mut annotations = Annotations::new(frames.len());
+    annotations.ask(reading);
+    rows::read(&truth, rows::ANY, frames.iter().enumerate(), &mut annotations)?;
+    if let Some(fault) = annotations.take_faults().into_iter().next() {
+        return Err(fault);
+    }
+    let stem = file.name().rsplit_once('.').map_or(file.name(), |(stem, _)| stem);
+    let name = stem
+        .strip_suffix("groundtruth")
+        .map_or(stem, |name| name.trim_end_matches(['_', '-', '.']));
+    let around = folder.parent().unwrap_or_else(|| folder.clone());
+    let (dataset, name) = match name {
+        "" => (around.name(), folder.name()),
+        name => (folder.name(), name),
+    };
+    let truth_digest = Sha256::digest(truth.bytes()).into();
+    Ok(Sequence::of_truth(
+        dataset,
+        name,
+        &folder,
+        frames,
+        annotations,
+        truth_digest,
+    ))
 }
 
 /// The selected frames of a sequence; else why it cannot be used: one fault or more.

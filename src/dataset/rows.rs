@@ -161,6 +161,11 @@ impl<'a> Row<'a> {
         let text = self.text.trim_start();
         text.starts_with(['#', '%']) || text.starts_with("//")
     }
+    fn has_digit(&self) -> bool {
+        self.words
+            .iter()
+            .any(|w| w.contains(|c: char| c.is_ascii_digit()))
+    }
     fn has_number(&self) -> bool {
         self.words.iter().any(|w| is_number(w))
     }
@@ -209,6 +214,24 @@ pub fn numbers(words: &[&str], expected: usize) -> Result<Vec<f64>, DatasetError
         });
     }
     Ok(numbers)
+}
+
+/// The names of the frames that the rows of `text` are for; places from 1 where they name none.
+pub(super) fn frame_names(text: &str) -> Vec<String> {
+    let nothing = FrameNames::new([]);
+    let rows = text::lines(text)
+        .zip(1..)
+        .map(|(text, line)| Row::new(text, line, &nothing));
+    let rows: Vec<Row<'_>> = rows
+        .filter(|row| !row.is_comment() && !row.words.is_empty())
+        .collect();
+    let header = usize::from(rows.first().is_some_and(|row| !row.has_digit()));
+    let named = |row: &Row<'_>| matches!(row.words.len(), 5 | 9) || !is_number(row.words[0]);
+    let name = |(k, row): (usize, &Row<'_>)| match named(row) {
+        true => row.words[0].to_owned(),
+        false => (k + 1).to_string(),
+    };
+    rows[header..].iter().enumerate().map(name).collect()
 }
 
 /// Reads the rows of `file` as annotations of `frames`, each with its index: `enumerate()` of all frames, or `.step_by(2)`

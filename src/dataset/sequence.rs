@@ -1,6 +1,6 @@
 //! One sequence: frames, ground truth, tags; decoded frame by frame on demand.
 
-use super::annotation::{Annotation, Region};
+use super::annotation::{Annotation, Annotations, Region};
 use super::decode::{Depth16, Remark, decode_by, remarks};
 use super::dense::DENSE_FILE;
 use super::reading::{BoxForm, Origin};
@@ -107,6 +107,35 @@ impl Sequence {
             len,
             fitted: None,
         }
+    }
+
+    /// One whose frames cannot be read.
+    pub(super) fn of_truth(
+        dataset: &str,
+        name: &str,
+        folder: &Folder,
+        frames: Vec<File>,
+        annotations: Annotations,
+        truth_digest: [u8; 32],
+    ) -> Self {
+        Sequence::new(Whole {
+            dataset: dataset.to_owned(),
+            name: name.to_owned(),
+            format: "",
+            folder: folder.clone(),
+            contents: vec![Default::default(); frames.len()],
+            frames,
+            truth_digest,
+            tags: Vec::new(),
+            origin: annotations.origin(),
+            boxes: annotations.boxes(),
+            annotations: annotations.into_frames(),
+            width: 0,
+            height: 0,
+            depth16: Depth16::default(),
+            notes: Vec::new(),
+            decoded: Default::default(),
+        })
     }
 
     /// Every `gap`-th frame, beginning with the first; names and truth of the kept frames are unchanged. 0 counts as 1.
@@ -227,6 +256,14 @@ impl Sequence {
     pub fn index(&self, i: usize) -> usize {
         assert!(i < self.len, "frame {i} of {}", self.len);
         self.start + i * self.step
+    }
+    /// File of frame `i`; panics when `i >= len()`.
+    pub(super) fn frame(&self, i: usize) -> &File {
+        &self.whole.frames[self.index(i)]
+    }
+    /// Files of all frames of the whole sequence.
+    pub(super) fn all_frames(&self) -> Vec<&File> {
+        self.whole.frames.iter().collect()
     }
     /// File name of frame `i`; panics when `i >= len()`.
     pub fn frame_name(&self, i: usize) -> &str {

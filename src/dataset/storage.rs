@@ -240,6 +240,16 @@ impl Folder {
         })
     }
 
+    /// A file of this name in it, which need not be there.
+    pub(super) fn unread(&self, name: String) -> File {
+        File {
+            storage: self.storage.clone(),
+            path: self.path.join(&name),
+            name,
+            is: Entry::File,
+        }
+    }
+
     /// The one path that it has, whatever links lead to it.
     pub(super) fn identity(&self) -> PathBuf {
         self.storage.identity(&self.path)

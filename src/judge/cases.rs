@@ -5,7 +5,7 @@ use crate::judge::change::Subject;
 use crate::metric::MetricSet;
 use crate::plan::{Plan, Protocol, Unit, UnitKeys};
 use crate::store::StoreError;
-use crate::store::framelog::{frame_errors, unpack_log};
+use crate::store::framelog::frame_errors;
 use crate::store::journal::{Entry, Journal};
 use crate::store::rundir::RunDir;
 use crate::store::truth::{self, KeptTruth};
@@ -92,7 +92,7 @@ fn frames(
     if entry.log.is_some() {
         let path = dir.log(plan, unit);
         let bytes = files::read(&path, Kind::RESULTS).map_err(|e| StoreError::io(&path, e))?;
-        return unpack_log(bytes)
+        return files::unpack(bytes)
             .and_then(|text| frame_errors(metrics, &text, annotated))
             .map_err(|reason| StoreError::Damaged { path, reason });
     }

@@ -9,7 +9,7 @@
 //! in all: the mean square of the corners' displacement is `8 σ²` over the eight coordinates.
 
 use crate::metric::quantile::{NORMAL_975, student_975};
-use crate::plan::{RunRequest, TrackerEntry, derived_seed, usual_filter};
+use crate::plan::{Job, RunRequest, TrackerEntry, derived_seed, usual_filter};
 use mtf::geom::{Corners, Mat3, homography};
 use mtf::image::{Frame, Image, PreProcessor};
 use mtf::params::Resolution;
@@ -421,7 +421,11 @@ pub fn run(
                     texture: texture.name.clone(),
                     reason,
                 };
-                let mut tracker = (entry.make)().map_err(start)?;
+                let mut tracker = (entry.make)(Job {
+                    sequence: None,
+                    start: 0,
+                })
+                .map_err(start)?;
                 tracker.reseed(derived_seed(request.seed, &[&entry.name.id, &texture.name], None));
                 afford(tracker.as_ref(), RunRequest::MEMORY).map_err(|e| start(e.to_string()))?;
                 tracker.init(&first, &base).map_err(|e| start(e.to_string()))?;

@@ -15,7 +15,7 @@ use crate::measure::lead::{Passes, ratio};
 use crate::measure::machine::Machine;
 use crate::metric::{Errors, MetricSet, Sample, quantile};
 use crate::panics;
-use crate::plan::{RunRequest, TrackerEntry, sequence_id, usual_filter};
+use crate::plan::{Job, RunRequest, TrackerEntry, sequence_id, usual_filter};
 use mtf::image::{Frame, PreProcessor};
 use mtf::tracker::{Tracker, afford};
 use serde::{Deserialize, Serialize};
@@ -461,8 +461,12 @@ fn load(
     start: usize,
     prepared: &mut Prepared,
 ) -> Result<Vec<Frame>, DatasetError> {
+    let job = Job {
+        sequence: Some(sequence),
+        start,
+    };
     let colour = request.trackers.iter().any(|entry| {
-        let made = panics::catch(|| (entry.make)());
+        let made = panics::catch(|| (entry.make)(job));
         made.and_then(|made| made).is_ok_and(|t| t.channels() == 3)
     });
     (start..sequence.len())
@@ -496,7 +500,11 @@ fn track(
     request: &BenchRequest,
     warm_up: bool,
 ) -> Result<Pass, String> {
-    let mut tracker: Box<dyn Tracker> = (entry.make)()?;
+    let job = Job {
+        sequence: Some(sequence),
+        start,
+    };
+    let mut tracker: Box<dyn Tracker> = (entry.make)(job)?;
     tracker.reseed(request.seed);
     tracker.set_threads(request.threads);
     afford(tracker.as_ref(), RunRequest::MEMORY).map_err(|e| e.to_string())?;
@@ -652,7 +660,7 @@ mod tests {
         let registry = Arc::new(Registry::builtin());
         let entry = |id: &str| TrackerEntry::from_registry(&registry, &registry.parse(id).unwrap()).unwrap();
         let mut broken = entry("esm/ssd/affine");
-        broken.make = Arc::new(|| Err("out of order".to_owned()));
+        broken.make = Arc::new(|_| Err("out of order".to_owned()));
         let options = LoadOptions {
             on_bad_data: dataset::OnBadData::Fail,
             start: 0,

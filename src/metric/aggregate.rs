@@ -70,6 +70,8 @@ pub struct UnitResult {
     pub protocol: String,
     /// Whether the protocol starts a tracker anew after a failure; see [`Sample::restarted`].
     pub restarted: bool,
+    /// Whether the answers are upright boxes; see [`Sample::of_boxes`].
+    pub boxes: bool,
     /// How the run ended.
     pub status: UnitStatus,
     /// Of the evaluated frames: annotated and not started on. No output: none or a non-finite one, or a failure that the
@@ -251,6 +253,7 @@ pub fn aggregate_tracker(metrics: &MetricSet, units: &[&UnitResult]) -> Results 
         tracker,
         protocol,
         restarted,
+        boxes,
         ..
     }) = units.first().copied()
     else {
@@ -260,7 +263,8 @@ pub fn aggregate_tracker(metrics: &MetricSet, units: &[&UnitResult]) -> Results 
 
     let sample = |units: &[&UnitResult]| {
         let sample = Sample::new(metrics, units.iter().map(|u| &u.errors));
-        if *restarted { sample.restarted() } else { sample }
+        let sample = if *restarted { sample.restarted() } else { sample };
+        if *boxes { sample.of_boxes() } else { sample }
     };
     let pooled = sample(&units);
     let curve = |dataset: &str, sequence: &str, index: usize, sample: &Sample| CurveRow {
@@ -362,6 +366,7 @@ pub(crate) mod example {
             start: 0,
             protocol: "ope".to_owned(),
             restarted: false,
+            boxes: false,
             status: UnitStatus::Ok,
             errors,
         }

@@ -16,6 +16,7 @@ pub const METRIC: Metric = Metric {
     lost: f64::INFINITY,
     steps_per_unit: 5.0,
     tolerance: Some(0.05),
+    of_boxes: false,
     definition: Definition::Corners(alignment_error),
 };
 

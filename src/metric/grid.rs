@@ -12,6 +12,7 @@ pub const METRIC: Metric = Metric {
     lost: f64::INFINITY,
     steps_per_unit: 5.0,
     tolerance: None,
+    of_boxes: false,
     definition: Definition::Dense(grid_error),
 };
 

@@ -13,6 +13,7 @@ pub const METRIC: Metric = Metric {
     lost: 1.0,
     steps_per_unit: 100.0,
     tolerance: None,
+    of_boxes: true,
     definition: Definition::Corners(jaccard_distance),
 };
 

@@ -13,6 +13,7 @@ pub const METRIC: Metric = Metric {
     lost: f64::INFINITY,
     steps_per_unit: 5.0,
     tolerance: None,
+    of_boxes: false,
     definition: Definition::Corners(mean_corner_distance),
 };
 

@@ -8,14 +8,18 @@
 
 pub mod aggregate;
 pub mod al;
+pub mod best_rotation;
 pub mod cl;
 pub mod direction;
 pub mod errors;
 pub mod figure;
 pub mod grid;
+pub mod hd;
 pub mod jaccard;
 pub mod mcd;
+pub mod normalised_cl;
 pub mod quantile;
+pub mod relative_al;
 pub mod sample;
 pub mod score;
 pub mod set;
@@ -31,3 +35,12 @@ pub use set::{Definition, Metric, MetricError, MetricSet};
 /// The metrics of this program, in the order in which files list them. The first is the one that success rates,
 /// failures and rankings are of.
 pub static METRICS: [Metric; 5] = [al::METRIC, mcd::METRIC, cl::METRIC, jaccard::METRIC, grid::METRIC];
+
+/// Metrics of the field that are not measured in every run: figures of benchmarks are made of them
+/// ([`judge::field`](crate::judge::field)), and a program may add them to its own with [`MetricSet::with`].
+pub static MORE_METRICS: [Metric; 4] = [
+    hd::METRIC,
+    best_rotation::METRIC,
+    relative_al::METRIC,
+    normalised_cl::METRIC,
+];

@@ -5,7 +5,7 @@
 
 use crate::metric::al::LOST_PX;
 use crate::metric::set::{CURVE_POINTS, round6};
-use crate::metric::{Errors, MetricSet, Score};
+use crate::metric::{Errors, Metric, MetricSet, Score};
 
 /// Number of the primary metric.
 const PRIMARY: usize = 0;
@@ -16,6 +16,9 @@ pub struct Sample {
     metrics: MetricSet,
     /// Best first for each metric: values of which smaller is better, or their negatives; infinite without output.
     sorted: Vec<Vec<f64>>,
+    frames: usize,
+    /// Of them, those without output.
+    lost: usize,
     restarted: bool,
 }
 
@@ -32,11 +35,24 @@ impl Sample {
         sorted
             .iter_mut()
             .for_each(|values| values.sort_unstable_by(f64::total_cmp));
+        let primary = &sorted[PRIMARY];
         Sample {
             metrics: metrics.clone(),
+            frames: primary.len(),
+            lost: primary.len() - primary.partition_point(|e| e.is_finite()),
             sorted,
             restarted: false,
         }
+    }
+
+    /// The same frames as those of a tracker whose answers are upright boxes: of metrics that are not
+    /// [of boxes](crate::metric::Metric::of_boxes) no frame has a value, and failures are the frames without output.
+    pub fn of_boxes(mut self) -> Sample {
+        let metrics = self.metrics.metrics().iter().zip(&mut self.sorted);
+        metrics
+            .filter(|(metric, _)| !metric.of_boxes)
+            .for_each(|(_, values)| values.clear());
+        self
     }
 
     /// The same frames as those of trackers that are started anew after each failure: the frames without output are the
@@ -63,8 +79,8 @@ impl Sample {
     /// stretch.
     pub fn failures(&self) -> usize {
         match self.restarted {
-            true => self.frames() - self.averaged(PRIMARY).len(),
-            false => self.frames() - self.within(PRIMARY, LOST_PX),
+            false if self.has(PRIMARY) => self.frames - self.within(PRIMARY, LOST_PX),
+            _ => self.lost,
         }
     }
 
@@ -80,12 +96,20 @@ impl Sample {
     /// Numbers of the metrics that every frame has, and of those that at least one frame has.
     pub fn measured(&self) -> impl Iterator<Item = usize> {
         let metrics = self.metrics.metrics().iter().zip(&self.sorted).enumerate();
-        metrics.filter_map(|(index, (m, values))| (!m.is_dense() || !values.is_empty()).then_some(index))
+        let of_every_frame = |m: &Metric| !m.is_dense() && self.frames == 0;
+        metrics.filter_map(move |(index, (m, values))| {
+            (of_every_frame(m) || !values.is_empty()).then_some(index)
+        })
+    }
+
+    /// Whether there are values of the metric.
+    fn has(&self, metric: usize) -> bool {
+        !self.sorted[metric].is_empty()
     }
 
     /// Number of evaluated frames.
     pub fn frames(&self) -> usize {
-        self.sorted[PRIMARY].len()
+        self.frames
     }
 
     /// Frames whose value is at `t` or better.
@@ -123,7 +147,7 @@ impl Sample {
         let tracked = &self.sorted[PRIMARY][..self.within(PRIMARY, LOST_PX)];
         // The sum of nothing would be -0.
         let area = tracked.iter().fold(0.0, |area, e| area + (LOST_PX - e.max(1.0)));
-        area / self.frames() as f64
+        area / self.sorted[PRIMARY].len() as f64
     }
 
     /// Mean with each frame capped at the metric's [cap](crate::metric::Metric::cap); frames without output count as the cap.
@@ -336,6 +360,7 @@ mod tests {
             lost: 0.0,
             steps_per_unit: 100.0,
             tolerance: None,
+            of_boxes: false,
             definition: Definition::Corners(|_, _| 1.0),
         };
         let metrics = MetricSet::builtin().with(overlap).unwrap();

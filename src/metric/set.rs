@@ -30,6 +30,8 @@ pub struct Metric {
     /// By how much the median may get worse before the regression gate fails, where nobody says otherwise; `None`: the
     /// gate does not look at it.
     pub tolerance: Option<f64>,
+    /// Whether it means something for answers that are upright boxes around the object.
+    pub of_boxes: bool,
     /// How it is computed, and of which frames.
     pub definition: Definition,
 }

@@ -12,6 +12,9 @@ pub struct DataNotes {
     /// Sequences of which something was left out or made up.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub repaired: Vec<DataNote>,
+    /// Sequences of which recorded results lack frames, which count as failures.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub missing: Vec<DataNote>,
     /// Sequences that may not be what they are taken for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub doubtful: Vec<DataNote>,
@@ -104,6 +107,10 @@ impl DataNotes {
             part(&self.left_out, "left out"),
             part(&self.repaired, "repaired"),
             part(&self.doubtful, "doubtful"),
+            part(
+                &self.missing,
+                "with frames that have no result and count as failures",
+            ),
         ];
         let parts: Vec<String> = parts.into_iter().flatten().collect();
         (!parts.is_empty()).then(|| format!("data: {}; run.json has all", parts.join(", ")))

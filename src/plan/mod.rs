@@ -6,6 +6,7 @@ mod error;
 mod experiment_file;
 mod keys;
 mod protocol;
+mod replay;
 mod request;
 mod seed;
 mod shard;
@@ -24,6 +25,6 @@ pub use request::{RunRequest, RunRequestBuilder, USUAL_FILTER, sequence_id, usua
 pub use seed::derived_seed;
 pub use shard::{Cut, Shard, ShardError, Sharding};
 pub(crate) use spread::spread;
-pub use tracker::{Make, TrackerEntry};
+pub use tracker::{Answers, Job, Make, TrackerEntry};
 pub use union::Joined;
 pub use units::{FrameLogs, Plan, PlannedSequence, PlannedTracker, RUN_FORMAT_VERSION, Unit};

@@ -360,6 +360,7 @@ impl RunRequest {
                 ilm,
                 slug,
                 parameters,
+                answers: t.answers,
             }
         };
         let plan = Plan {

@@ -213,6 +213,7 @@ mod tests {
                     ilm: String::new(),
                     slug: format!("t{k:04}"),
                     parameters: Value::Null,
+                    answers: Default::default(),
                 })
                 .collect(),
             sequences: (0..)

@@ -7,6 +7,7 @@ use super::data_notes::DataNotes;
 use super::keys::{UnitKey, UnitKeys};
 use super::protocol::{Protocol, Protocols};
 use super::seed::derived_seed;
+use super::tracker::Answers;
 use super::union::Joined;
 use crate::metric::aggregate::TrackerName;
 use serde::{Deserialize, Serialize};
@@ -71,6 +72,9 @@ pub struct PlannedTracker {
     pub slug: String,
     /// Every parameter with its value.
     pub parameters: Value,
+    /// What its answers are.
+    #[serde(default, skip_serializing_if = "Answers::are_corners")]
+    pub answers: Answers,
 }
 
 impl PlannedTracker {
@@ -401,6 +405,7 @@ mod tests {
             ilm: String::new(),
             slug: id.into(),
             parameters: Value::Null,
+            answers: Default::default(),
         };
         let sequence = |[dataset, sequence]: [&str; 2]| PlannedSequence {
             dataset: dataset.into(),

@@ -122,6 +122,10 @@ fn people(results: &Results, entrants: &[Entrant<'_>], options: &TableOptions) -
     if restarted {
         header.push("frames/failure");
     }
+    let boxes = rows[..shown].iter().any(|r| gives_boxes(r));
+    if boxes {
+        header.extend(["CL median", "Jaccard mean"]);
+    }
     if with_speed {
         header.push(FPS);
     }
@@ -146,6 +150,9 @@ fn people(results: &Results, entrants: &[Entrant<'_>], options: &TableOptions) -
         ]);
         if restarted {
             row.push(short(s["frames_per_failure"], 1));
+        }
+        if boxes {
+            row.extend([short(s["cl_median"], 2), short(s["jaccard_mean"], 3)]);
         }
         if with_speed {
             row.push(short(e.fps, 0));
@@ -182,6 +189,9 @@ fn people(results: &Results, entrants: &[Entrant<'_>], options: &TableOptions) -
     if unequal {
         notes.push("not all rows are of the same sequences".to_owned());
     }
+    if boxes {
+        notes.push("trackers without success rates give boxes: only the distance of centres (CL) and the overlap (Jaccard) say something of them".to_owned());
+    }
     let runs = results.failed_runs();
     if runs > 0 {
         notes.push(format!(
@@ -193,6 +203,11 @@ fn people(results: &Results, entrants: &[Entrant<'_>], options: &TableOptions) -
         text = format!("{text}\n{}\n", notes.join("; "));
     }
     text
+}
+
+/// Whether the tracker's answers are upright boxes, of which most metrics say nothing.
+fn gives_boxes(row: &SummaryRow) -> bool {
+    row.score["auc"].is_nan() && row.score.frames() > 0
 }
 
 /// JSON that ends in a newline: one line, or indented if `pretty`.

@@ -13,7 +13,7 @@ use crate::report::{About, Exporters, text};
 use crate::run::error::RunError;
 use crate::store::Durable;
 use crate::store::StoreError;
-use crate::store::framelog::{score_log, unpack_log};
+use crate::store::framelog::score_log;
 use crate::store::held::{Endings, ending};
 use crate::store::host::{build, host_name};
 use crate::store::journal::{Entry, EntryStatus, Journal, UnitTime};
@@ -141,7 +141,7 @@ impl ResultSource<'_> {
             (_, Some(_), _) => {
                 let path = self.dir.log(self.plan, unit);
                 let bytes = files::read(&path, Kind::RESULTS).map_err(|e| StoreError::io(&path, e))?;
-                unpack_log(bytes)
+                files::unpack(bytes)
                     .and_then(|text| score_log(self.metrics, &text, |i| truth.at(i).is_some()))
                     .map_err(|reason| damaged(path, reason))?
             }
@@ -162,6 +162,7 @@ impl ResultSource<'_> {
             start,
             protocol: self.plan.course(unit).to_string(),
             restarted: self.plan.course(unit).restarts_on_failure(),
+            boxes: !tracker.answers.are_corners(),
             status,
             errors,
         };

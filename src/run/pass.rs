@@ -4,7 +4,7 @@ use crate::dataset::Sequence;
 use crate::metric::MetricSet;
 use crate::panics;
 use crate::plan::{Protocol, Unit};
-use crate::store::framelog::{BROKEN, FAILED, INIT, Row, SKIPPED, round_corners};
+use crate::store::framelog::{ABSENT, BROKEN, FAILED, INIT, Row, SKIPPED, round_corners};
 use mtf::geom::{Corners, homography};
 use mtf::image::Frame;
 use mtf::tracker::{Stop, Tracker};
@@ -205,14 +205,16 @@ impl<'a> Pass<'a> {
             }
             let begin = Instant::now();
             let (mut row, answered) = update(tracker.as_mut(), &ready.frame);
-            let seconds = begin.elapsed().as_secs_f64();
+            let seconds = tracker.seconds(begin.elapsed().as_secs_f64());
             row.dense = self.dense_errors(Some(tracker.as_ref()), sequence, i, row.corners);
             (row, answered, seconds)
         });
         self.tracker = Some(tracker);
         let updated = updated.map(|(row, answered, seconds)| {
-            self.seconds.push(seconds as f32);
-            self.input_seconds += ready.seconds;
+            if seconds.is_finite() {
+                self.seconds.push(seconds as f32);
+                self.input_seconds += ready.seconds;
+            }
             (row, answered)
         });
         match (self.course, updated) {
@@ -335,6 +337,7 @@ fn update(tracker: &mut dyn Tracker, frame: &Frame) -> (Row, bool) {
                 (_, Stop::Converged) => "converged",
                 (_, Stop::MaxIterations) => "max_iters",
                 (_, Stop::Done) => "ok",
+                (_, Stop::Absent) => ABSENT,
             };
             let row = Row {
                 corners,

@@ -11,7 +11,7 @@
 use crate::dataset::Sequence;
 use crate::metric::quantile;
 use crate::panics;
-use crate::plan::{FrameLogs, Prepared, RunRequest, Unit, UnitKeys};
+use crate::plan::{FrameLogs, Job, Prepared, RunRequest, Unit, UnitKeys};
 use crate::run::error::RunError;
 use crate::run::observer::Observer;
 use crate::run::pass::{Pass, Ready};
@@ -22,7 +22,7 @@ use crate::store::framelog::{Row, format_log, pack_log, score_rows};
 use crate::store::host::build;
 use crate::store::journal::{Entry, EntryStatus, Finished, UnitTime};
 use crate::store::rundir::{RunDir, digest};
-use mtf::image::Frame;
+use mtf::image::{Frame, Pixels};
 use mtf::interrupt;
 use mtf::tracker::{Tracker, afford};
 use rayon::prelude::*;
@@ -322,7 +322,11 @@ fn prepare<'a>(context: &Context<'_>, unit: &'a Unit, unreadable: Option<&str>) 
 /// Makes a tracker for the unit that is to start on `frame`. It does not depend on what the unit did before that.
 fn make(context: &Context<'_>, unit: &Unit, frame: u32) -> Result<Box<dyn Tracker>, String> {
     let make = &context.prepared.trackers[unit.tracker as usize].make;
-    let mut tracker = panics::catch(|| make()).and_then(|made| made)?;
+    let job = Job {
+        sequence: Some(context.sequence(unit)),
+        start: frame as usize,
+    };
+    let mut tracker = panics::catch(|| make(job)).and_then(|made| made)?;
     tracker.reseed(context.prepared.plan.seed_at(unit, frame));
     tracker.set_threads(context.request.threads_per_tracker);
     // Before it is started, as no one could stop it then.
@@ -442,7 +446,11 @@ fn decode(
     let read = |index: usize| -> Result<Ready, String> {
         let begin = Instant::now();
         let decode = || panics::catch(|| sequence.read(index, colour));
-        let decoded = context.spent.on(Activity::Reading, decode)?;
+        let decoded = match gray || colour {
+            true => context.spent.on(Activity::Reading, decode)?,
+            // Nobody looks at it.
+            false => Ok(Pixels::from_gray(1, 1, vec![0])),
+        };
         let frame = Frame::new(
             decoded.map_err(|e| e.to_string())?,
             Arc::clone(&context.request.pre),
@@ -576,7 +584,8 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
 }
 
 fn unit_time(mut seconds: Vec<f32>, input_seconds: f64, threads: usize) -> UnitTime {
-    let total: f64 = seconds.iter().map(|&s| f64::from(s)).sum();
+    // The sum of nothing would be -0.
+    let total = seconds.iter().fold(0.0, |total, &s| total + f64::from(s));
     seconds.sort_by(f32::total_cmp);
     let quantile = |q: f64| quantile::nearest(&seconds, q).map_or(0.0, |s| 1e3 * f64::from(s));
     UnitTime {

@@ -137,7 +137,8 @@ fn tracker(id: &str, trick: Trick, channels: usize) -> TrackerEntry {
         },
         slug: id.into(),
         parameters: serde_json::json!({ "channels": channels }),
-        make: Arc::new(move || {
+        answers: Default::default(),
+        make: Arc::new(move |_| {
             let corners = Corners::rect(0.0, 0.0, 1.0, 1.0);
             Ok(Box::new(Still {
                 corners,

@@ -4,9 +4,7 @@
 use crate::metric::{Errors, Metric, MetricSet};
 use crate::plan::FrameLogs;
 use mtf::geom::Corners;
-use ruzstd::decoding::StreamingDecoder;
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
-use std::io::Read;
 
 /// One row of a frame log.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,6 +34,9 @@ pub const FAILED: &str = "failed";
 pub const SKIPPED: &str = "skipped";
 /// Status of a frame for which there is no tracker that works.
 pub const BROKEN: &str = "broken";
+
+/// Status of a frame in which the tracker believes that the object cannot be seen; evaluated by its corners like any other.
+pub const ABSENT: &str = "absent";
 
 impl Row {
     /// A frame without a tracker.
@@ -184,21 +185,6 @@ pub fn pack_log(text: Vec<u8>, logs: FrameLogs) -> Vec<u8> {
     }
 }
 
-/// The text of a log from the bytes on the disk, compressed or not.
-///
-/// # Errors
-/// What is wrong with the compressed bytes.
-pub fn unpack_log(bytes: Vec<u8>) -> Result<Vec<u8>, String> {
-    const MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
-    if !bytes.starts_with(&MAGIC) {
-        return Ok(bytes);
-    }
-    let mut text = Vec::new();
-    let mut decoder = StreamingDecoder::new(bytes.as_slice()).map_err(|e| e.to_string())?;
-    decoder.read_to_end(&mut text).map_err(|e| e.to_string())?;
-    Ok(text)
-}
-
 /// Errors of the evaluated frames of a log written by [`format_log`]: those with ground truth that the tracker was not
 /// started on, and all failures, which count as without output; and of those with dense truth. `annotated(i)`: frame `i` has
 /// ground truth.
@@ -288,6 +274,56 @@ fn read_log(
     }
 }
 
+/// A row of a frame log, as far as it says where the object was found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoggedFrame {
+    /// Frame of the sequence.
+    pub frame: usize,
+    /// See [`Row::status`].
+    pub status: String,
+    /// See [`Row::corners`].
+    pub corners: Option<Corners>,
+    /// See [`Row::similarity`]; NaN where the tracker has none.
+    pub similarity: f64,
+}
+
+/// The rows of a log written by [`format_log`].
+///
+/// # Errors
+/// What is wrong with the text.
+pub fn frames(text: &[u8]) -> Result<Vec<LoggedFrame>, String> {
+    let mut reader = csv::Reader::from_reader(text);
+    let headers = reader.headers().map_err(|e| e.to_string())?;
+    let similarity = headers.iter().position(|name| name == "similarity");
+    let mut frames = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|e| e.to_string())?;
+        let cell = |k: usize| record.get(k).unwrap_or_default();
+        let number = |k: usize| {
+            cell(k)
+                .parse::<f64>()
+                .map_err(|_| format!("bad number {:?}", cell(k)))
+        };
+        let corners = match cell(3).is_empty() {
+            true => None,
+            false => {
+                let numbers: Vec<f64> = (3..11).map(number).collect::<Result<_, _>>()?;
+                let corners: [f64; 8] = numbers.try_into().map_err(|_| "corners are missing")?;
+                Some(Corners::from_array(corners))
+            }
+        };
+        frames.push(LoggedFrame {
+            frame: cell(0)
+                .parse()
+                .map_err(|_| format!("bad frame number {:?}", cell(0)))?,
+            status: cell(2).to_owned(),
+            corners,
+            similarity: similarity.and_then(|k| cell(k).parse().ok()).unwrap_or(f64::NAN),
+        });
+    }
+    Ok(frames)
+}
+
 /// What [`score_log`] says of the log of `rows`, of which the first is frame `start`, with `truth` as for [`format_log`].
 pub fn score_rows(
     metrics: &MetricSet,
@@ -318,6 +354,7 @@ pub fn score_rows(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::unpack;
     use proptest::prelude::*;
 
     proptest! {
@@ -339,7 +376,7 @@ mod tests {
             let annotated = |i: usize| i.is_multiple_of(2);
             let truth = |since: usize, i: usize| annotated(i).then(|| Corners::rect(since as f64, 0.0, 9.0, 9.0));
             let text = format_log(&metrics, &rows, start, name, truth);
-            prop_assert_eq!(&unpack_log(pack_log(text.clone(), FrameLogs::Zst)).unwrap(), &text);
+            prop_assert_eq!(&unpack(pack_log(text.clone(), FrameLogs::Zst)).unwrap(), &text);
             let scored = score_rows(&metrics, &rows, start, annotated, truth);
             prop_assert_eq!(score_log(&metrics, &text, annotated).unwrap(), scored);
         }

@@ -76,6 +76,11 @@ fn described(bytes: &[u8]) -> Result<Map<String, Value>, String> {
 }
 
 impl Recorded {
+    /// Checksum of `truth.csv`.
+    pub fn truth_sum(&self) -> &str {
+        &self.truth
+    }
+
     /// The file.
     pub(crate) fn to_bytes(&self) -> serde_json::Result<Vec<u8>> {
         let Value::Object(mut run) = serde_json::to_value(&self.plan)? else {

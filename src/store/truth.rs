@@ -1,6 +1,7 @@
 //! Ground truth of a run's sequences, kept in the run directory (`truth.csv`: data set, sequence, frame, four corners in
-//! px, whether there is a dense grid), so that shards are joined and figures made again where the data is not.
+//! px, empty where the object is said not to be seen, whether there is a dense grid), so that shards are joined and figures made again where the data is not.
 
+use crate::dataset::Region;
 use crate::files::{self, Kind};
 use crate::plan::{PlannedSequence, Prepared};
 use crate::store::error::StoreError;
@@ -14,12 +15,18 @@ use std::path::Path;
 pub struct KeptTruth {
     corners: Vec<Option<Corners>>,
     dense: Vec<bool>,
+    absent: Vec<bool>,
 }
 
 impl KeptTruth {
     /// Corners of frame `i` in px, `None` when it is not annotated or beyond the end.
     pub fn at(&self, i: usize) -> Option<Corners> {
         self.corners.get(i).copied().flatten()
+    }
+
+    /// Whether the object is said not to be seen in frame `i`.
+    pub fn is_absent(&self, i: usize) -> bool {
+        self.absent.get(i).copied().unwrap_or(false)
     }
 
     /// Frames after `start` that are scored.
@@ -41,6 +48,9 @@ pub(crate) fn of(prepared: &Prepared<'_>) -> Vec<KeptTruth> {
     let truth = |s: &&crate::dataset::Sequence| KeptTruth {
         corners: (0..s.len()).map(|i| s.truth(i)).collect(),
         dense: (0..s.len()).map(|i| s.dense_truth(i).is_some()).collect(),
+        absent: (0..s.len())
+            .map(|i| s.annotation(i).region == Region::Absent)
+            .collect(),
     };
     prepared.sequences.iter().map(truth).collect()
 }
@@ -56,13 +66,18 @@ pub(crate) fn format(sequences: &[PlannedSequence], truth: &[KeptTruth]) -> Vec<
     put(&header.split(',').map(str::to_owned).collect::<Vec<_>>());
     for (sequence, truth) in sequences.iter().zip(truth) {
         for (frame, corners) in truth.corners.iter().enumerate() {
-            let Some(corners) = corners else { continue };
+            if corners.is_none() && !truth.is_absent(frame) {
+                continue;
+            }
             let mut fields = vec![
                 sequence.dataset.clone(),
                 sequence.sequence.clone(),
                 frame.to_string(),
             ];
-            fields.extend(corners.to_array().iter().map(f64::to_string));
+            match corners {
+                Some(corners) => fields.extend(corners.to_array().iter().map(f64::to_string)),
+                None => fields.extend([""; 8].map(str::to_owned)),
+            }
             fields.push(u8::from(truth.dense[frame]).to_string());
             put(&fields);
         }
@@ -91,6 +106,7 @@ pub(crate) fn read(
         .map(|s| KeptTruth {
             corners: vec![None; s.frames],
             dense: vec![false; s.frames],
+            absent: vec![false; s.frames],
         })
         .collect();
     let places: HashMap<(&str, &str), usize> = (0..)
@@ -109,22 +125,27 @@ pub(crate) fn read(
             Ok(false) => return Ok(truths),
             Err(e) => return Err(damaged(e.to_string())),
         }
-        let parse = || -> Option<(usize, usize, Corners, bool)> {
+        let parse = || -> Option<(usize, usize, Option<Corners>, bool)> {
             let place = *places.get(&(record.get(0)?, record.get(1)?))?;
             let frame = record
                 .get(2)?
                 .parse()
                 .ok()
                 .filter(|f| *f < sequences[place].frames)?;
+            let dense = record.get(11)? == "1";
+            if (3..11).all(|k| record.get(k) == Some("")) {
+                return Some((place, frame, None, dense));
+            }
             let mut corners = [0.0; 8];
             for (k, value) in corners.iter_mut().enumerate() {
                 *value = record.get(3 + k)?.parse().ok()?;
             }
-            Some((place, frame, Corners::from_array(corners), record.get(11)? == "1"))
+            Some((place, frame, Some(Corners::from_array(corners)), dense))
         };
         let line = record.position().map_or(0, csv::Position::line);
         let (place, frame, corners, dense) = parse().ok_or_else(|| damaged(format!("line {line}")))?;
-        truths[place].corners[frame] = Some(corners);
+        truths[place].corners[frame] = corners;
+        truths[place].absent[frame] = corners.is_none();
         truths[place].dense[frame] = dense;
     }
 }
@@ -147,6 +168,7 @@ mod tests {
         let truth = [KeptTruth {
             corners: vec![None, corners(1.0), corners(2.0), None, corners(4.0)],
             dense: vec![false, true, false, false, true],
+            absent: vec![false, false, false, true, false],
         }];
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("truth.csv");

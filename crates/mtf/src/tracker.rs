@@ -15,6 +15,8 @@ pub enum Stop {
     MaxIterations,
     /// The search has no iterations to count (sampling methods, composites).
     Done,
+    /// The tracker believes that the object cannot be seen. Its corners are where it supposes the object to be.
+    Absent,
 }
 
 /// Result of one frame.
@@ -64,6 +66,12 @@ pub enum TrackError {
     /// A number is not finite.
     #[error("not finite: {0}")]
     NotFinite(&'static str),
+    /// The tracker says that the object cannot be seen.
+    #[error("the object cannot be seen")]
+    Absent,
+    /// Recorded results say nothing of this frame.
+    #[error("no result for this frame")]
+    Missing,
     /// The caller asked for the end of the work ([`interrupt`](crate::interrupt)).
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
@@ -87,6 +95,8 @@ impl TrackError {
             TrackError::Unable(_) => "unable",
             TrackError::NoTruth => "no_truth",
             TrackError::NotFinite(_) => "not_finite",
+            TrackError::Absent => "absent",
+            TrackError::Missing => "missing",
             TrackError::Interrupted(_) => "interrupted",
         }
     }
@@ -191,9 +201,16 @@ pub trait Tracker: Send {
         None
     }
 
-    /// Channels of the image that `update` reads: 1 (gray) or 3 (R, G, B).
+    /// Channels of the image that `update` reads: 1 (gray) or 3 (R, G, B); 0 for trackers that do not look at frames, which
+    /// may be given empty ones.
     fn channels(&self) -> usize {
         1
+    }
+
+    /// How long the last `update` took, s, where the tracker knows better than the clock of its caller, which says
+    /// `elapsed`. NaN: not known.
+    fn seconds(&self, elapsed: f64) -> f64 {
+        elapsed
     }
 
     /// Bytes this tracker keeps between frames, roughly: sizes groups of trackers that run together. Before `init`, what its

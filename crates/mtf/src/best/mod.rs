@@ -370,7 +370,10 @@ impl Tracker for Best {
         }
         Ok(Update {
             corners: self.corners(),
-            stop: Stop::Done,
+            stop: match self.lost {
+                0 => Stop::Done,
+                _ => Stop::Absent,
+            },
             iterations: self.iterations,
             similarity: score.total,
         })

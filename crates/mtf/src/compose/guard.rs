@@ -156,12 +156,16 @@ impl Tracker for Guard {
             corners: self.tracker.corners(),
             ..update?
         };
-        if confidence >= self.params.min_confidence {
-            self.trusted = update.corners;
-            self.doubts = 0;
-        }
+        let stop = match confidence >= self.params.min_confidence {
+            true => {
+                self.trusted = update.corners;
+                self.doubts = 0;
+                Stop::Done
+            }
+            false => Stop::Absent,
+        };
         Ok(Update {
-            stop: Stop::Done,
+            stop,
             similarity: confidence,
             ..update
         })

@@ -13,7 +13,7 @@ mod table;
 mod tests;
 
 pub use names::{hint, suggest};
-pub use spec::TrackerSpec;
+pub use spec::{TrackerSpec, slug};
 
 use crate::am::{AMS, AmEntry, AmFamily, AppearanceModel};
 use crate::best;

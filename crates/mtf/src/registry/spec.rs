@@ -88,16 +88,7 @@ impl TrackerSpec {
     /// File name for this tracker: safe characters, with a hash when the id has other ones or is long.
     pub fn slug(&self) -> String {
         let id = self.to_string();
-        let safe: String = id
-            .chars()
-            .map(|c| {
-                if c.is_ascii_alphanumeric() || "._=-".contains(c) {
-                    c
-                } else {
-                    '-'
-                }
-            })
-            .collect();
+        let safe = safe(&id);
         let plain = match &self.node {
             Node::Single { .. } => true,
             Node::Composite { members, .. } => members.is_empty(),
@@ -105,11 +96,22 @@ impl TrackerSpec {
         if plain && self.params.is_empty() && safe.len() <= MAX_SLUG {
             return safe;
         }
-        let hash = Sha256::digest(id.as_bytes());
-        let hash = hex::encode(&hash[..4]);
-        format!(
-            "{}-{hash}",
-            safe[..safe.len().min(MAX_SLUG)].trim_end_matches('-')
-        )
+        slug(&id)
     }
+}
+
+/// `text` with characters that every file system takes.
+fn safe(text: &str) -> String {
+    let safe = |c: char| c.is_ascii_alphanumeric() || "._=-".contains(c);
+    text.chars().map(|c| if safe(c) { c } else { '-' }).collect()
+}
+
+/// A file name for any text: safe characters, and a hash that tells it from others.
+pub fn slug(text: &str) -> String {
+    let (safe, hash) = (safe(text), Sha256::digest(text.as_bytes()));
+    let hash = hex::encode(&hash[..4]);
+    format!(
+        "{}-{hash}",
+        safe[..safe.len().min(MAX_SLUG)].trim_end_matches('-')
+    )
 }

@@ -24,6 +24,8 @@ pub enum Need {
     Tmpfs,
     /// A tool that makes calls to the system fail.
     Strace,
+    /// Python with numpy.
+    Numpy,
 }
 
 impl Need {
@@ -35,6 +37,7 @@ impl Need {
         (Need::Avx2, "avx2", "needs a processor with AVX2 and FMA"),
         (Need::DevFull, "dev_full", "needs /dev/full"),
         (Need::Tmpfs, "tmpfs", "needs the right to mount a tmpfs"),
+        (Need::Numpy, "numpy", "needs python3 with numpy"),
         (Need::Strace, "strace", "needs strace, and the right to trace"),
     ];
 
@@ -55,6 +58,7 @@ impl Need {
             Need::Avx2 => false,
             Need::DevFull => Path::new("/dev/full").exists(),
             Need::Tmpfs => runs("unshare", &["--mount", "mount", "-t", "tmpfs", "tmpfs", "/mnt"]),
+            Need::Numpy => runs("python3", &["-c", "import numpy"]),
             Need::Strace => runs("strace", &["-f", "-qq", "--seccomp-bpf", "true"]),
         }
     }
