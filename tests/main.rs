@@ -16,6 +16,7 @@ mod examples;
 mod extending_format;
 mod extending_metric_exporter;
 mod faults;
+mod films;
 #[path = "../crates/mtf/tests/harness/mod.rs"]
 mod harness;
 mod illumination;
@@ -63,6 +64,7 @@ fn main() -> std::process::ExitCode {
         examples::TESTS,
         extending_metric_exporter::TESTS,
         faults::TESTS,
+        films::TESTS,
         illumination::TESTS,
         limits::TESTS,
         matching::TESTS,

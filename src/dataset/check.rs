@@ -1,12 +1,14 @@
 //! Finds every fault of a dataset.
 
 use super::decode::{Depth16, Remark, Standing, remarks};
-use super::find::{Unread, find};
+use super::find::find;
+use super::movie::Movie;
 use super::open::Draft;
 use super::sequence::{Remarks, check_size, decode_frame, read_frame};
 use super::storage::File;
 use super::suspect::flat;
 use super::{DatasetError, LoadOptions, resolve};
+use mtf::image::Pixels;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -131,18 +133,45 @@ pub fn check(path: &Path, options: &LoadOptions) -> Checked {
         ..Checked::default()
     };
     for unread in found.sequences {
-        checked.frames += unread.parts.frames.len();
-        checked.faults.extend(check_sequence(unread, options));
+        let draft = Draft::new(unread, options.reading);
+        checked.frames += draft.unread.parts.frames.len();
+        checked.faults.extend(check_sequence(draft, options));
     }
     checked
 }
 
-/// Decodes a frame: its size, and what is out of the ordinary about it.
-fn look(file: &File, depth16: Depth16) -> (Result<(usize, usize), DatasetError>, Vec<Remark>) {
-    let look = || {
+/// A frame's size, and what is out of the ordinary about it.
+type Looked = (Result<(usize, usize), DatasetError>, Vec<Remark>);
+
+/// Decodes each frame.
+fn look_at_all(draft: &Draft, depth16: Depth16) -> Vec<Looked> {
+    let frames = &draft.unread.parts.frames;
+    match &draft.movie {
+        None => frames.par_iter().map(|file| look(file, depth16)).collect(),
+        // One after the other.
+        Some(movie) => (0..frames.len()).map(|i| look_into(movie, i, depth16)).collect(),
+    }
+}
+
+fn look(file: &File, depth16: Depth16) -> Looked {
+    looked(|| {
         let bytes = file.read()?;
-        let pixels = decode_frame(file, &bytes, false, depth16)?;
-        let mut found = remarks(&bytes);
+        Ok((decode_frame(file, &bytes, false, depth16)?, remarks(&bytes)))
+    })
+}
+
+fn look_into(movie: &Movie, picture: usize, depth16: Depth16) -> Looked {
+    looked(|| {
+        Ok((
+            movie.read(picture, false, depth16, true)?,
+            movie.remarks().to_vec(),
+        ))
+    })
+}
+
+fn looked(read: impl FnOnce() -> Result<(Pixels, Vec<Remark>), DatasetError>) -> Looked {
+    let look = || {
+        let (pixels, mut found) = read()?;
         if found.contains(&Remark::SixteenBits) {
             found.extend(Remark::sliver(&pixels));
         }
@@ -154,16 +183,14 @@ fn look(file: &File, depth16: Depth16) -> (Result<(usize, usize), DatasetError>,
     }
 }
 
-fn check_sequence(unread: Unread, options: &LoadOptions) -> Vec<Fault> {
-    let mut draft = Draft::new(unread, options.reading);
+fn check_sequence(mut draft: Draft, options: &LoadOptions) -> Vec<Fault> {
     let mut errors = std::mem::take(&mut draft.fatal);
     let annotations = &mut draft.annotations;
     let truth_faults = std::mem::take(&mut annotations.faults);
     let truth_is_usable = errors.is_empty() && annotations.frames.iter().any(|a| a.corners().is_some());
 
+    let (sizes, remarked): (Vec<_>, Vec<_>) = look_at_all(&draft, options.depth16).into_iter().unzip();
     let frames = &draft.unread.parts.frames;
-    let (sizes, remarked): (Vec<_>, Vec<_>) =
-        frames.par_iter().map(|file| look(file, options.depth16)).unzip();
     let mut remarks = Remarks::default();
     for (file, remarked) in frames.iter().zip(remarked) {
         remarked.into_iter().for_each(|remark| remarks.add(remark, file));
@@ -215,6 +242,10 @@ fn check_sequence(unread: Unread, options: &LoadOptions) -> Vec<Fault> {
 fn flat_start(draft: &Draft, start: usize, depth16: Depth16) -> Option<DatasetError> {
     let annotation = draft.annotations.frames.get(start)?;
     let (corners, at) = (annotation.corners()?, annotation.location.as_ref()?);
-    let image = read_frame(draft.unread.parts.frames.get(start)?, false, depth16).ok()?;
+    let image = match &draft.movie {
+        Some(movie) => movie.read(start, false, depth16, false),
+        None => read_frame(draft.unread.parts.frames.get(start)?, false, depth16),
+    };
+    let image = image.ok()?;
     Some(at.fault(flat(&image, &corners)?))
 }

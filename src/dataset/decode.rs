@@ -6,7 +6,7 @@ mod depth;
 mod entropy;
 mod huffman;
 mod jpeg;
-mod other;
+pub(super) mod other;
 mod remark;
 
 pub use depth::Depth16;
@@ -184,7 +184,7 @@ fn turn(
     )
 }
 
-fn check_size(width: u64, height: u64) -> Result<(), ImageError> {
+pub(super) fn check_size(width: u64, height: u64) -> Result<(), ImageError> {
     if width * height > MAX_PIXELS {
         return Err(ImageError::TooLarge { width, height });
     }

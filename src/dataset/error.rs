@@ -54,8 +54,10 @@ pub enum DatasetErrorKind {
     /// The path does not exist.
     #[error("no such file or folder; check the spelling, or give the folder that holds the sequences")]
     Missing,
-    /// The path is a file.
-    #[error("not a folder; give the folder that holds the frames or the sequences")]
+    /// The path is a file with one picture, or something else.
+    #[error(
+        "not a folder, nor a file with several pictures (pages or an animation); give the folder that holds the frames or the sequences"
+    )]
     NotAFolder,
     /// Reading failed.
     #[error("cannot be read ({0}); check its permissions")]

@@ -131,14 +131,19 @@ struct Walk<'a> {
 impl Walk<'_> {
     fn visit(&mut self, folder: &Folder, dataset: &str, depth: usize) -> Result<(), DatasetError> {
         let place = Place::new(folder)?;
-        let unread = |format, parts| Unread {
+        let unread = |dataset: &str, format, parts| Unread {
             dataset: dataset.to_string(),
             folder: folder.clone(),
             format,
             parts,
         };
         if let Some((format, found)) = self.formats.recognise(&place)? {
-            let found = found.into_iter().map(|parts| unread(Some(format.clone()), parts));
+            let dataset = match format.holds_sequences() {
+                true => folder.name(),
+                false => dataset,
+            };
+            let found = found.into_iter();
+            let found = found.map(|parts| unread(dataset, Some(format.clone()), parts));
             self.finds.sequences.extend(found);
             self.bury(&place, dataset, Some(place.name()));
             return Ok(());
@@ -154,7 +159,7 @@ impl Walk<'_> {
         }
         let frames = place.images();
         if self.finds.sequences.len() == before && !frames.is_empty() {
-            let bare = unread(None, place.sequence(frames, vec![]));
+            let bare = unread(dataset, None, place.sequence(frames, vec![]));
             self.finds.sequences.push(bare);
         }
         Ok(())

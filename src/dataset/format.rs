@@ -6,6 +6,7 @@
 //! two are read whatever the format). Depends on `geom` and on where files come from.
 
 mod apart;
+mod film;
 mod folder;
 mod homographies;
 mod mtf_text;
@@ -39,6 +40,11 @@ pub struct Description {
 pub trait Format: Send + Sync {
     /// What it is.
     fn describe(&self) -> Description;
+
+    /// Whether a folder of this format is a dataset, whose name its sequences have, and not a sequence.
+    fn holds_sequences(&self) -> bool {
+        false
+    }
 
     /// The sequences in the folder `place`, none when it is not of this format. Looks at names only, as every folder
     /// is offered to every format. Several sequences may share frames: objects in one video.
@@ -112,6 +118,7 @@ impl Formats {
             Arc::new(mtf_text::MtfText),
             Arc::new(homographies::Homographies),
             Arc::new(apart::Apart),
+            Arc::new(film::Film),
         ])
     }
 

@@ -14,6 +14,7 @@ mod error;
 mod find;
 mod format;
 mod matching;
+mod movie;
 mod names;
 mod open;
 mod order;
@@ -41,11 +42,12 @@ pub use sequence::Sequence;
 pub use storage::{File, Folder};
 
 use include_dir::{Dir, include_dir};
+use movie::Movie;
 use open::Draft;
 use sha2::{Digest, Sha256};
 use std::path::Path;
 use std::sync::Arc;
-use storage::{Disk, Embedded};
+use storage::{Alone, Disk, Embedded};
 
 /// Name that stands for the embedded dataset wherever a path is expected. A folder of that name is `./builtin`.
 pub const BUILTIN: &str = "builtin";
@@ -138,7 +140,8 @@ impl Default for LoadOptions {
     }
 }
 
-/// Loads the dataset at `path`: a sequence, a folder of sequences, or [`BUILTIN`]. Formats are detected.
+/// Loads the dataset at `path`: a sequence, a folder of sequences, a file with several pictures (pages of TIFF, animated
+/// GIF or PNG) that has ground truth in its folder, or [`BUILTIN`]. Formats are detected.
 /// Reads ground truth and the header of each first frame; other frames are only read on demand.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, DatasetError> {
     load_where(path, options, &|_| true)
@@ -304,7 +307,7 @@ fn open(mut draft: Draft, options: &LoadOptions) -> Result<Sequence, Vec<Dataset
     }
 }
 
-/// The folder that `path` stands for.
+/// The folder that `path` stands for: itself, or the one around a file with several pictures.
 fn resolve(path: &Path) -> Result<Folder, DatasetError> {
     if path == Path::new(BUILTIN) {
         if EMBEDDED.dirs().next().is_none() {
@@ -318,10 +321,27 @@ fn resolve(path: &Path) -> Result<Folder, DatasetError> {
     }
     match std::fs::metadata(path) {
         Ok(meta) if meta.is_dir() => Ok(Folder::new(Arc::new(Disk), path.to_path_buf())),
-        Ok(_) => Err(DatasetError::new(path, DatasetErrorKind::NotAFolder)),
+        Ok(_) => film(path)?.ok_or_else(|| DatasetError::new(path, DatasetErrorKind::NotAFolder)),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
             Err(DatasetError::new(path, DatasetErrorKind::Missing))
         }
         Err(e) => Err(DatasetError::new(path, e.into())),
+    }
+}
+
+/// The folder around the file `path` with no other picture in it; `None` when the file does not hold several.
+fn film(path: &Path) -> Result<Option<Folder>, DatasetError> {
+    let (Some(around), Some(name)) = (path.parent(), path.file_name()) else {
+        return Ok(None);
+    };
+    let around = match around == Path::new("") {
+        true => Path::new("."),
+        false => around,
+    };
+    let storage = Alone { image: name.into() };
+    let folder = Folder::new(Arc::new(storage), around.to_path_buf());
+    match folder.file(&name.to_string_lossy()) {
+        Some(file) => Ok(Movie::of(&file)?.map(|_| folder)),
+        None => Ok(None),
     }
 }

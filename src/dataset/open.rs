@@ -4,6 +4,7 @@ use super::annotation::{Annotations, Location};
 use super::decode::{Depth16, dimensions};
 use super::find::Unread;
 use super::format::{Place, TruthFile};
+use super::movie::Movie;
 use super::reading::Reading;
 use super::sequence::{Sequence, Whole};
 use super::storage::File;
@@ -39,6 +40,8 @@ fn area_inside(corners: &Corners, (width, height): (usize, usize)) -> f64 {
 /// A sequence whose annotations are read; no image has been decoded.
 pub(super) struct Draft {
     pub unread: Unread,
+    /// The file whose pictures are the frames; `None` when each is a file.
+    pub movie: Option<Movie>,
     pub annotations: Annotations,
     truth_digest: [u8; 32],
     /// Faults that no use of the sequence can get round.
@@ -49,8 +52,20 @@ pub(super) struct Draft {
 
 impl Draft {
     /// Reads ground truth and tags. `asked` goes before what the sequence's metadata say.
-    pub fn new(unread: Unread, asked: Reading) -> Draft {
+    pub fn new(mut unread: Unread, asked: Reading) -> Draft {
         let (mut fatal, mut warnings) = (Vec::new(), Vec::new());
+        let movie = match &unread.parts.frames[..] {
+            [one] => Movie::of(one),
+            _ => Ok(None),
+        };
+        let movie = movie.unwrap_or_else(|e| {
+            fatal.push(e);
+            None
+        });
+        if let Some(movie) = &movie {
+            unread.parts.frames = movie.frames();
+        }
+        let countable = fatal.is_empty();
         let (parts, folder) = (&unread.parts, &unread.folder);
         let mut truth_digest = [0; 32];
         let mut annotations = Annotations::new(parts.frames.len());
@@ -65,6 +80,8 @@ impl Draft {
             (_, [file, ..]) if parts.frames.is_empty() => {
                 fatal.push(DatasetError::new(file.path(), DatasetErrorKind::NoFrames));
             }
+            // What rows belong to is not known.
+            _ if !countable => {}
             (Some(format), files) => match files.iter().map(TruthFile::read).collect::<Result<Vec<_>, _>>() {
                 Err(e) => fatal.push(e),
                 Ok(truth) => {
@@ -104,6 +121,7 @@ impl Draft {
         warnings.append(&mut annotations.warnings);
         Draft {
             unread,
+            movie,
             annotations,
             truth_digest,
             fatal,
@@ -200,6 +218,9 @@ impl Draft {
                 DatasetErrorKind::NoFrames,
             ));
         };
+        if let Some(movie) = &self.movie {
+            return Ok(movie.size());
+        }
         dimensions(&file.read()?).map_err(|e| DatasetError::new(file.path(), e.into()))
     }
 
@@ -221,12 +242,14 @@ impl Draft {
         let parts = self.unread.parts;
         let mut notes = Fault::all(left_out, Severity::Error);
         notes.extend(Fault::all(&self.warnings, Severity::Warning));
-        let contents = vec![Default::default(); parts.frames.len()];
+        let files = self.movie.as_ref().map_or(parts.frames.len(), |_| 1);
+        let contents = vec![Default::default(); files];
         Sequence::new(Whole {
             dataset: self.unread.dataset,
             name: parts.name,
             format: self.unread.format.map_or("", |format| format.describe().name),
             folder: self.unread.folder,
+            movie: self.movie,
             frames: parts.frames,
             annotations: self.annotations.frames,
             truth_digest: self.truth_digest,

@@ -3,6 +3,7 @@
 use super::annotation::{Annotation, Annotations, Region};
 use super::decode::{Depth16, Remark, decode_by, remarks};
 use super::dense::DENSE_FILE;
+use super::movie::Movie;
 use super::reading::{BoxForm, Origin};
 use super::storage::{File, Folder};
 use super::{DatasetError, DatasetErrorKind, Fault};
@@ -53,6 +54,8 @@ pub(super) struct Whole {
     pub name: String,
     pub format: &'static str,
     pub folder: Folder,
+    /// The file whose pictures are the frames; `None` when each is a file.
+    pub movie: Option<Movie>,
     pub frames: Vec<File>,
     pub annotations: Vec<Annotation>,
     pub truth_digest: [u8; 32],
@@ -62,7 +65,7 @@ pub(super) struct Whole {
     pub width: usize,
     pub height: usize,
     pub depth16: Depth16,
-    /// What each frame's file holds, looked at once.
+    /// What each frame's file holds, or the one of all frames, looked at once.
     pub contents: Vec<OnceLock<Content>>,
     pub notes: Vec<Fault>,
     pub decoded: AtomicUsize,
@@ -79,17 +82,38 @@ pub(super) struct Content {
 impl Whole {
     /// What the file of a frame holds.
     fn content(&self, frame: usize) -> &Content {
-        let of = || match self.frames[frame].read() {
-            Ok(bytes) => Content {
+        let look = || {
+            let of = |bytes: Cow<'_, [u8]>| Content {
                 checksum: checksum(&bytes),
                 remarks: remarks(&bytes),
-            },
-            Err(_) => Content {
-                checksum: u64::MAX,
-                remarks: Vec::new(),
-            },
+            };
+            match &self.movie {
+                Some(movie) => movie.checksum().map(|checksum| Content {
+                    checksum,
+                    remarks: movie.remarks().to_vec(),
+                }),
+                None => self.frames[frame].read().map(of),
+            }
         };
-        self.contents[frame].get_or_init(of)
+        let unreadable = || Content {
+            checksum: u64::MAX,
+            remarks: Vec::new(),
+        };
+        self.place(frame)
+            .get_or_init(|| look().unwrap_or_else(|_| unreadable()))
+    }
+
+    /// Where the content of a frame's file is kept.
+    fn place(&self, frame: usize) -> &OnceLock<Content> {
+        &self.contents[if self.movie.is_some() { 0 } else { frame }]
+    }
+
+    /// The picture of a frame. Of a film, the reader is kept for the next one that is `wanted`.
+    fn picture(&self, frame: usize, colour: bool, wanted: bool) -> Result<Pixels, DatasetError> {
+        match &self.movie {
+            Some(movie) => movie.read(frame, colour, self.depth16, wanted),
+            None => read_frame(&self.frames[frame], colour, self.depth16),
+        }
     }
 }
 
@@ -312,21 +336,42 @@ impl Sequence {
         let index = self.index(i);
         let file = &self.whole.frames[index];
         self.whole.decoded.fetch_add(1, Ordering::Relaxed);
-        let bytes = file.read()?;
-        if self.whole.contents[index]
-            .get()
-            .is_some_and(|known| known.checksum != checksum(&bytes))
-        {
-            return Err(DatasetError::new(file.path(), DatasetErrorKind::Changed));
-        }
-        let decoded = decode_frame(file, &bytes, colour, self.whole.depth16)?;
+        let known = self.whole.place(index).get();
+        let verify = |found: u64| match known.is_some_and(|known| known.checksum != found) {
+            true => Err(DatasetError::new(file.path(), DatasetErrorKind::Changed)),
+            false => Ok(()),
+        };
+        let decoded = match &self.whole.movie {
+            None => {
+                let bytes = file.read()?;
+                verify(checksum(&bytes))?;
+                decode_frame(file, &bytes, colour, self.whole.depth16)?
+            }
+            Some(movie) => {
+                let last = i + 1 == self.len;
+                let decoded = self.whole.picture(index, colour, !last)?;
+                // Once for all of its frames: whoever tracks them comes to the last.
+                if last && known.is_some() {
+                    verify(movie.checksum()?)?;
+                }
+                decoded
+            }
+        };
         let size = (decoded.width(), decoded.height());
         check_size(file, size, (self.whole.width, self.whole.height))?;
         Ok(decoded)
     }
 
+    /// Frames are best [read](Self::read) one after the other: they are pictures of one file.
+    pub fn in_order(&self) -> bool {
+        self.whole.movie.is_some()
+    }
+
     /// Why the first frame that cannot be [read](Self::read) cannot. Decodes frames, on all threads.
     pub(super) fn unreadable(&self) -> Option<DatasetError> {
+        if self.in_order() {
+            return (0..self.len).find_map(|i| self.read(i, false).err());
+        }
         let frames = (0..self.len).into_par_iter();
         frames.find_map_first(|i| self.read(i, false).err())
     }
@@ -340,17 +385,21 @@ impl Sequence {
     /// looked at in the first frame. Reads the files, once for all selections of the sequence.
     pub fn remarks(&self) -> Vec<(Remark, DatasetError)> {
         let mut remarks = Remarks::default();
+        let mut deep = None;
         for i in 0..self.len {
             let index = self.index(i);
             for &remark in &self.whole.content(index).remarks {
                 remarks.add(remark, &self.whole.frames[index]);
+                if remark == Remark::SixteenBits {
+                    deep.get_or_insert(index);
+                }
             }
         }
-        if let Some(first) = remarks.first(Remark::SixteenBits).cloned()
-            && let Ok(pixels) = read_frame(&first, false, self.whole.depth16)
+        if let Some(first) = deep
+            && let Ok(pixels) = self.whole.picture(first, false, false)
             && let Some(sliver) = Remark::sliver(&pixels)
         {
-            remarks.add(sliver, &first);
+            remarks.add(sliver, &self.whole.frames[first]);
         }
         remarks.faults()
     }
@@ -371,7 +420,7 @@ impl Sequence {
     pub fn fingerprint_of_pixels(&self) -> Result<String, DatasetError> {
         let mut hasher = self.hasher();
         for i in 0..self.len {
-            let decoded = read_frame(&self.whole.frames[self.index(i)], true, self.whole.depth16)?;
+            let decoded = self.whole.picture(self.index(i), true, i + 1 < self.len)?;
             hasher.update(decoded.gray());
             hasher.update(decoded.rgb().unwrap_or_default());
         }
@@ -417,11 +466,6 @@ impl Remarks {
     /// About one more file.
     pub fn add(&mut self, remark: Remark, file: &File) {
         self.0.entry(remark).or_insert_with(|| (file.clone(), 0)).1 += 1;
-    }
-
-    /// The first file of a kind.
-    pub fn first(&self, remark: Remark) -> Option<&File> {
-        self.0.get(&remark).map(|(file, _)| file)
     }
 
     /// A fault for each kind.

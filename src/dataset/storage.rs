@@ -9,9 +9,14 @@ use include_dir::{Dir, DirEntry};
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
-use std::io::{Error, ErrorKind};
+use std::io::{BufRead, BufReader, Cursor, Error, ErrorKind, Seek};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// The content of a file, to be read piece by piece.
+pub(super) trait Stream: BufRead + Seek + Send {}
+
+impl<T: BufRead + Seek + Send> Stream for T {}
 
 /// A tree of folders and files. Paths are those that messages show.
 pub(super) trait Storage: std::fmt::Debug + Send + Sync {
@@ -19,6 +24,8 @@ pub(super) trait Storage: std::fmt::Debug + Send + Sync {
     fn list(&self, path: &Path) -> Result<Vec<(OsString, Entry)>, Error>;
     /// Content of the file `path`, which is of kind `kind`.
     fn read(&self, path: &Path, kind: Kind) -> Result<Cow<'static, [u8]>, Error>;
+    /// Content of the file `path`, piece by piece.
+    fn open(&self, path: &Path) -> Result<Box<dyn Stream>, Error>;
     /// Length of the file `path` in bytes; `None` when there is no such file.
     fn size(&self, path: &Path) -> Option<u64>;
     /// The folder that holds the folder `path`; `None` at the top.
@@ -71,6 +78,10 @@ impl Storage for Disk {
         files::read(path, kind).map(Cow::Owned)
     }
 
+    fn open(&self, path: &Path) -> Result<Box<dyn Stream>, Error> {
+        Ok(Box::new(BufReader::new(files::open(path)?)))
+    }
+
     fn identity(&self, path: &Path) -> PathBuf {
         path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
     }
@@ -94,6 +105,47 @@ impl Storage for Disk {
             Some(_) => path.to_path_buf(),
             None => path.canonicalize().unwrap_or_default(),
         }
+    }
+}
+
+/// The file system where a folder holds, of images and folders, one image alone.
+#[derive(Debug)]
+pub(super) struct Alone {
+    /// Name of the image.
+    pub image: OsString,
+}
+
+impl Storage for Alone {
+    fn list(&self, path: &Path) -> Result<Vec<(OsString, Entry)>, Error> {
+        let mut entries = Disk.list(path)?;
+        entries.retain(|(name, is)| {
+            *name == self.image || (*is != Entry::Folder && !is_image_name(&name.to_string_lossy()))
+        });
+        Ok(entries)
+    }
+
+    fn read(&self, path: &Path, kind: Kind) -> Result<Cow<'static, [u8]>, Error> {
+        Disk.read(path, kind)
+    }
+
+    fn open(&self, path: &Path) -> Result<Box<dyn Stream>, Error> {
+        Disk.open(path)
+    }
+
+    fn size(&self, path: &Path) -> Option<u64> {
+        Disk.size(path)
+    }
+
+    fn parent(&self, path: &Path) -> Option<PathBuf> {
+        Disk.parent(path)
+    }
+
+    fn identity(&self, path: &Path) -> PathBuf {
+        Disk.identity(path)
+    }
+
+    fn named(&self, path: &Path) -> PathBuf {
+        Disk.named(path)
     }
 }
 
@@ -147,6 +199,10 @@ impl Storage for Embedded {
         self.content(path).map(Cow::Borrowed)
     }
 
+    fn open(&self, path: &Path) -> Result<Box<dyn Stream>, Error> {
+        Ok(Box::new(Cursor::new(self.content(path)?)))
+    }
+
     fn size(&self, path: &Path) -> Option<u64> {
         Some(self.content(path).ok()?.len() as u64)
     }
@@ -165,13 +221,15 @@ pub struct Folder {
     name: String,
 }
 
-/// A file of a dataset.
+/// A file of a dataset, or a picture in one that holds several.
 #[derive(Clone, Debug)]
 pub struct File {
     storage: Arc<dyn Storage>,
     path: PathBuf,
     name: String,
     is: Entry,
+    /// What messages call the picture: `path#number`.
+    picture: Option<PathBuf>,
 }
 
 /// Files and folders in a folder, each in natural order of names; hidden ones are left out.
@@ -223,6 +281,7 @@ impl Folder {
             path,
             name,
             is: Entry::File,
+            picture: None,
         })
     }
 
@@ -237,6 +296,7 @@ impl Folder {
             path,
             name: name.to_string_lossy().into_owned(),
             is: Entry::File,
+            picture: None,
         })
     }
 
@@ -282,6 +342,7 @@ impl Folder {
                 path,
                 name,
                 is,
+                picture: None,
             };
             if is == Entry::DeadLink && !is_image_name(&file.name) {
                 listing.dead.push(file);
@@ -299,12 +360,27 @@ impl Folder {
 impl File {
     /// What messages call it.
     pub fn path(&self) -> &Path {
-        &self.path
+        self.picture.as_ref().unwrap_or(&self.path)
     }
 
-    /// Its own name.
+    /// Its own name; of a picture in a file, `name#number`.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Picture `number` in the file, counted from 1. Its content is that of the whole file.
+    pub(super) fn picture(&self, number: usize) -> File {
+        let numbered = |of: &OsStr| {
+            let mut name = of.to_owned();
+            name.push(format!("#{number}"));
+            name
+        };
+        let name = numbered(OsStr::new(&self.name));
+        File {
+            name: name.to_string_lossy().into_owned(),
+            picture: Some(numbered(self.path.as_os_str()).into()),
+            ..self.clone()
+        }
     }
 
     /// The file called `name` in the same folder.
@@ -318,11 +394,20 @@ impl File {
     /// # Errors
     /// It is not there, is no regular file, is larger than such a file can be, or cannot be read.
     pub fn read(&self) -> Result<Cow<'static, [u8]>, DatasetError> {
-        self.read_as(if is_image_name(&self.name) {
+        self.read_as(if self.picture.is_some() || is_image_name(&self.name) {
             Kind::IMAGE
         } else {
             Kind::TRUTH
         })
+    }
+
+    /// Its content, piece by piece.
+    ///
+    /// # Errors
+    /// It is not there, is no regular file, or cannot be opened.
+    pub(super) fn open(&self) -> Result<Box<dyn Stream>, DatasetError> {
+        let opened = self.storage.open(&self.path);
+        opened.map_err(|e| DatasetError::new(self.path(), e.into()))
     }
 
     /// Its content, which is of kind `kind`.
@@ -332,13 +417,13 @@ impl File {
                 ErrorKind::NotFound => self.unusable().unwrap_or(DatasetErrorKind::Missing),
                 _ => e.into(),
             };
-            DatasetError::new(&self.path, kind)
+            DatasetError::new(self.path(), kind)
         })
     }
 
     /// Why it cannot be read, as far as its folder tells.
     pub(super) fn fault(&self) -> Option<DatasetError> {
-        Some(DatasetError::new(&self.path, self.unusable()?))
+        Some(DatasetError::new(self.path(), self.unusable()?))
     }
 
     fn unusable(&self) -> Option<DatasetErrorKind> {
@@ -369,6 +454,9 @@ impl File {
             fn read(&self, _: &Path, _: Kind) -> Result<Cow<'static, [u8]>, Error> {
                 Ok(Cow::Owned(self.0.clone()))
             }
+            fn open(&self, _: &Path) -> Result<Box<dyn Stream>, Error> {
+                Ok(Box::new(Cursor::new(self.0.clone())))
+            }
             fn size(&self, _: &Path) -> Option<u64> {
                 Some(self.0.len() as u64)
             }
@@ -382,6 +470,7 @@ impl File {
             path: name.into(),
             name: name.into(),
             is: Entry::File,
+            picture: None,
         }
     }
 }

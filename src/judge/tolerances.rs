@@ -322,6 +322,8 @@ mod tests {
         }
         let why = read("auc = \"two\"").unwrap_err().to_string();
         assert!(why.contains("line 1") && why.contains("2%"), "{why}");
+        let why = read("sr_5 = 1\n\nauc = \"two\"\n").unwrap_err().to_string();
+        assert!(why.contains("line 3"), "{why}");
     }
 
     #[test]

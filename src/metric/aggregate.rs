@@ -500,4 +500,49 @@ mod tests {
     fn nothing() {
         assert_eq!(of(&[]), Results::default());
     }
+
+    #[test]
+    fn rankings_are_of_all_frames_together() {
+        // Over frames `a` is better (5 of 6 on the mark against 3), over sequences `b` (3/4 against 1/2).
+        let on = |n: usize, of: usize| {
+            (0..of)
+                .map(|k| Some(if k < n { 0.0 } else { 50.0 }))
+                .collect::<Vec<_>>()
+        };
+        let results = of(&[
+            unit("a/ssd/affine", "wall", &on(5, 5)),
+            unit("a/ssd/affine", "book", &on(0, 1)),
+            unit("b/ssd/affine", "wall", &on(2, 5)),
+            unit("b/ssd/affine", "book", &on(1, 1)),
+        ]);
+        let ranking = results.ranking();
+        assert!(ranking.iter().all(|row| row.average == Average::Pooled));
+        let ranking: Vec<(&str, f64)> = ranking
+            .iter()
+            .map(|r| (r.tracker.sm.as_str(), r.score["sr_5"]))
+            .collect();
+        assert_eq!(ranking, [("a", 0.833333), ("b", 0.5)]);
+    }
+
+    #[test]
+    fn failed_units_are_counted() {
+        let mut units = units();
+        assert_eq!(of(&units[..4]).failed_runs(), 0);
+        units[0].status = UnitStatus::Failed("panicked at frame 2".to_owned());
+        assert_eq!(of(&units).failed_runs(), 2);
+    }
+
+    #[test]
+    fn the_curve_over_all_sequences_is_that_of_the_two_names() {
+        let mut row = of(&units()).curves.swap_remove(0);
+        for (dataset, sequence, pooled) in [
+            (ALL_DATASETS, POOLED, true),
+            (ALL_DATASETS, "wall", false),
+            ("builtin", POOLED, false),
+            ("builtin", "wall", false),
+        ] {
+            (row.dataset, row.sequence) = (dataset.to_owned(), sequence.to_owned());
+            assert_eq!(row.is_pooled(), pooled, "{dataset} {sequence}");
+        }
+    }
 }

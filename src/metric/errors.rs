@@ -190,4 +190,39 @@ mod tests {
         assert_eq!(Errors::from_rows(&metrics, &[Some(vec![1.0])], &[]), None);
         assert_eq!(Errors::lost(&metrics, 2, 1).list(4), [f64::INFINITY]);
     }
+
+    #[test]
+    fn rows_of_two_dense_metrics_come_back() {
+        let metrics = MetricSet::builtin();
+        let second = Metric {
+            name: "grid_b",
+            better: crate::metric::Direction::LargerIsBetter,
+            ..crate::metric::grid::METRIC
+        };
+        let metrics = metrics.with(second).unwrap();
+        let mut errors = Errors::new(&metrics);
+        for k in 0..3 {
+            errors.push_values(&[1.0, 2.0, 3.0, 0.5]);
+            errors.push_dense(&[f64::from(k), 10.0 + f64::from(k)]);
+        }
+        errors.push_lost();
+        errors.push_dense_lost();
+        let lists: Vec<&[f64]> = metrics
+            .dense()
+            .map(|m| {
+                let index = metrics.metrics().iter().position(|other| other == m).unwrap();
+                errors.list(index)
+            })
+            .collect();
+        assert_eq!(lists[0], [0.0, 1.0, 2.0, f64::INFINITY]);
+        assert_eq!(lists[1], [10.0, 11.0, 12.0, f64::NEG_INFINITY]);
+        let (rows, dense) = (errors.rows(), errors.dense_rows());
+        assert_eq!(dense.len(), 8);
+        assert_eq!(Errors::from_rows(&metrics, &rows, &dense), Some(errors));
+        // A frame that is not whole.
+        assert_eq!(Errors::from_rows(&metrics, &rows, &dense[..7]), None);
+        // Values of metrics that there are not.
+        let plain = MetricSet::of(metrics.of_every_frame().copied().collect());
+        assert_eq!(Errors::from_rows(&plain, &[], &[Some(1.0)]), None);
+    }
 }

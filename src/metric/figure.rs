@@ -328,4 +328,24 @@ mod tests {
                 || f.name == "auc"
                 || f.name.ends_with("_mean") && f.name != "grid_mean")));
     }
+
+    #[test]
+    fn figures_weigh_the_frames_that_they_are_a_mean_over() {
+        use crate::metric::{Errors, Sample};
+        let metrics = MetricSet::builtin();
+        let mut errors = Errors::new(&metrics);
+        (0..5).for_each(|_| errors.push_values(&[1.0, 1.0, 1.0, 0.5]));
+        (0..2).for_each(|_| errors.push_lost());
+        let sample = Sample::new(&metrics, [&errors]);
+        let weight = |name: &str, score: &crate::metric::Score| metrics.figure(name).unwrap().weight(score);
+        // Failures of trackers that go on are frames like others; of those that start anew they have no error.
+        let (on, anew) = (sample.score(), sample.clone().restarted().score());
+        for (name, weights) in [
+            ("sr_5", [7.0, 7.0]),
+            ("al_mean", [7.0, 5.0]),
+            ("al_median", [0.0, 0.0]),
+        ] {
+            assert_eq!([weight(name, &on), weight(name, &anew)], weights, "{name}");
+        }
+    }
 }

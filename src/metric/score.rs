@@ -169,4 +169,16 @@ mod tests {
                 .starts_with(r#"{"frames":3,"sr_1":0.0,"#)
         );
     }
+
+    #[test]
+    fn counts_that_are_not_written_are_0_and_figures_undefined() {
+        let metrics = MetricSet::builtin();
+        let read = Score::from_json(&metrics, &Map::new());
+        for (figure, value) in read.iter() {
+            match figure.kind {
+                Kind::Count => assert_eq!(value, 0.0, "{}", figure.name),
+                Kind::Number => assert!(value.is_nan(), "{}", figure.name),
+            }
+        }
+    }
 }

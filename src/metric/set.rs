@@ -146,7 +146,7 @@ impl MetricSet {
         MetricSet::of(METRICS.to_vec())
     }
 
-    fn of(metrics: Vec<Metric>) -> MetricSet {
+    pub(super) fn of(metrics: Vec<Metric>) -> MetricSet {
         let figures = figure::expand(&metrics);
         MetricSet(Arc::new(Tables { metrics, figures }))
     }

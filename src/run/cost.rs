@@ -100,3 +100,25 @@ pub fn measure(request: &RunRequestBuilder, count: usize) -> Result<Cost, RunErr
         relative_variance: variance / average.powi(2),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn estimates_have_a_standard_error() {
+        let cost = |units: usize, relative_variance: f64| Cost {
+            units,
+            init: 0.5,
+            update: 0.25,
+            relative_variance,
+        };
+        // Of the mean of 9 times with a deviation of 0.6 of it.
+        assert_eq!(cost(9, 0.36).relative_error(), 0.2);
+        assert_eq!(cost(4, 0.0).relative_error(), 0.0);
+        // 3 units of 5 frames: 3 starts and 12 updates.
+        assert_eq!(cost(9, 0.36).seconds(3.0, 15.0), 4.5);
+        assert_eq!(cost(9, 0.36).seconds(3.0, 3.0), 1.5);
+        assert_eq!(cost(9, 0.36).seconds(3.0, 0.0), 1.5);
+    }
+}

@@ -320,3 +320,42 @@ fn write_timing(dir: &RunDir, plan: &Plan, times: &[(Unit, UnitTime)]) -> Result
         .map_err(|e| StoreError::io(&path, e.into_error()))?;
     dir.put(&path, &bytes, Durable::Now)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn speed_is_of_all_updates_of_a_tracker() {
+        let tracker = |id: &str| serde_json::json!({"id": id, "sm": "", "am": "", "ssm": "", "ilm": "", "slug": id, "parameters": null});
+        let plan = serde_json::json!({
+            "schema_version": 1, "tool": "t", "version": "1", "protocol": "ope", "seed": 0,
+            "pre": "none", "frame_logs": "csv",
+            "trackers": [tracker("a"), tracker("b"), tracker("c")],
+            "sequences": [],
+        });
+        let plan: Plan = serde_json::from_value(plan).unwrap();
+        let time = |tracker: u32, updates: usize, seconds: f64| {
+            let time = UnitTime {
+                updates,
+                seconds,
+                ..UnitTime::default()
+            };
+            let unit = Unit {
+                tracker,
+                course: 0,
+                sequence: 0,
+                start: 0,
+            };
+            (unit, time)
+        };
+        let times = [
+            time(0, 30, 1.5),
+            time(1, 10, 4.0),
+            time(0, 50, 0.5),
+            time(2, 0, 0.0),
+        ];
+        let expected = [("a".to_owned(), 40.0), ("b".to_owned(), 2.5)];
+        assert_eq!(speeds(&plan, &times), expected.into_iter().collect());
+    }
+}

@@ -435,7 +435,7 @@ fn fail_all(group: &mut [Pass<'_>], reason: &str) {
     }
 }
 
-/// Reads frames in parallel; the first unreadable one is the error.
+/// Reads frames in parallel, those of one file in order; the first unreadable one is the error.
 fn decode(
     context: &Context<'_>,
     sequence: &Sequence,
@@ -473,6 +473,9 @@ fn decode(
             seconds: begin.elapsed().as_secs_f64(),
         })
     };
+    if sequence.in_order() {
+        return range.map(read).collect();
+    }
     let frames: Vec<Result<Ready, String>> = range.into_par_iter().with_max_len(1).map(read).collect();
     frames.into_iter().collect()
 }

@@ -51,3 +51,22 @@ pub(crate) fn utc_now() -> String {
         .format(&time::format_description::well_known::Rfc3339)
         .unwrap_or_default()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn now_is_written_to_the_second() {
+        let seconds = || time::OffsetDateTime::now_utc().unix_timestamp();
+        let before = seconds();
+        let text = utc_now();
+        let format = &time::format_description::well_known::Rfc3339;
+        let read = time::OffsetDateTime::parse(&text, format).unwrap();
+        assert!((before..=seconds()).contains(&read.unix_timestamp()), "{text}");
+        assert!(
+            text.ends_with('Z') && text.len() == "2000-01-01T00:00:00Z".len(),
+            "{text}"
+        );
+    }
+}

@@ -579,4 +579,19 @@ mod tests {
         drop(RunDir::open(dir.path(), false, &[]).unwrap());
         assert!(!log.exists());
     }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_of_logs_that_is_a_link_goes_without_what_it_leads_to() {
+        let dir = tempfile::tempdir().unwrap();
+        let (run, elsewhere) = (dir.path().join("run"), dir.path().join("elsewhere"));
+        drop(RunDir::open(&run, false, &[]).unwrap());
+        fs::create_dir(&elsewhere).unwrap();
+        fs::write(elsewhere.join("s.csv"), "x").unwrap();
+        std::os::unix::fs::symlink(&elsewhere, run.join("frames")).unwrap();
+        fs::write(run.join("journal.jsonl"), "").unwrap();
+        drop(RunDir::open(&run, true, &[]).unwrap());
+        assert!(!run.join("frames").is_symlink());
+        assert_eq!(fs::read_to_string(elsewhere.join("s.csv")).unwrap(), "x");
+    }
 }

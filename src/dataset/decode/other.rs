@@ -1,13 +1,12 @@
 //! The formats that the `image` crate reads.
 
 use super::{Depth16, ImageError, ImageKind, Remark, check_size, is_turned, one_line};
+use crate::dataset::movie;
 use image::ColorType::{L16, La16, Rgb16, Rgba16};
-use image::codecs::{gif::GifDecoder, png::PngDecoder};
 use image::metadata::Orientation;
-use image::{AnimationDecoder, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use mtf::image::Pixels;
 use std::io::{Cursor, ErrorKind};
-use tiff::decoder::Decoder as TiffDecoder;
 
 pub(super) const fn kind(
     name: &'static str,
@@ -25,13 +24,17 @@ pub(super) const fn kind(
 }
 
 fn size(kind: &ImageKind, bytes: &[u8]) -> Result<(usize, usize), ImageError> {
-    let mut decoder = opened(kind, bytes)?;
+    Ok(size_of(&mut opened(kind, bytes)?))
+}
+
+/// Width and height of the upright picture.
+pub(in crate::dataset) fn size_of(decoder: &mut impl ImageDecoder) -> (usize, usize) {
     let (width, height) = decoder.dimensions();
-    let (width, height) = match is_turned(orientation(&mut decoder)) {
+    let (width, height) = match is_turned(orientation(decoder)) {
         true => (height, width),
         false => (width, height),
     };
-    Ok((width as usize, height as usize))
+    (width as usize, height as usize)
 }
 
 /// How the picture is to be turned, as its tags say.
@@ -43,27 +46,21 @@ fn remarks(kind: &ImageKind, bytes: &[u8]) -> Vec<Remark> {
     let Ok(mut decoder) = opened(kind, bytes) else {
         return Vec::new();
     };
-    let mut remarks: Vec<Remark> = Remark::turned(orientation(&mut decoder)).into_iter().collect();
-    if matches!(decoder.color_type(), L16 | La16 | Rgb16 | Rgba16) {
-        remarks.push(Remark::SixteenBits);
-    }
-    if has_several(kind, bytes) {
+    let mut remarks = remarks_of(&mut decoder);
+    if movie::has_several(bytes) {
         remarks.push(Remark::Several);
     }
     remarks
 }
 
-/// Whether the file holds more images than the one that is read.
-fn has_several(kind: &ImageKind, bytes: &[u8]) -> bool {
-    let bytes = Cursor::new(bytes);
-    match kind.format {
-        ImageFormat::Tiff => TiffDecoder::new(bytes).is_ok_and(|tiff| tiff.more_images()),
-        ImageFormat::Png => PngDecoder::new(bytes)
-            .and_then(|png| png.is_apng())
-            .unwrap_or(false),
-        ImageFormat::Gif => GifDecoder::new(bytes).is_ok_and(|gif| gif.into_frames().take(2).count() > 1),
-        _ => false,
-    }
+/// What is out of the ordinary about one picture.
+pub(in crate::dataset) fn remarks_of(decoder: &mut impl ImageDecoder) -> Vec<Remark> {
+    let deep = matches!(decoder.color_type(), L16 | La16 | Rgb16 | Rgba16);
+    let turned = Remark::turned(orientation(decoder));
+    turned
+        .into_iter()
+        .chain(deep.then_some(Remark::SixteenBits))
+        .collect()
 }
 
 fn opened<'a>(kind: &ImageKind, bytes: &'a [u8]) -> Result<impl ImageDecoder + 'a, ImageError> {
@@ -75,15 +72,35 @@ fn opened<'a>(kind: &ImageKind, bytes: &'a [u8]) -> Result<impl ImageDecoder + '
 }
 
 fn decode(kind: &ImageKind, bytes: &[u8], colour: bool, depth: Depth16) -> Result<Pixels, ImageError> {
-    let mut decoder = opened(kind, bytes)?;
+    let image = upright(kind.name, opened(kind, bytes)?)?;
+    pixels(kind.name, image, colour, depth)
+}
+
+/// The picture, turned as its tags say.
+pub(in crate::dataset) fn upright(
+    format: &'static str,
+    mut decoder: impl ImageDecoder,
+) -> Result<DynamicImage, ImageError> {
+    let (width, height) = decoder.dimensions();
+    check_size(width.into(), height.into())?;
     let orientation = orientation(&mut decoder);
-    let mut image = DynamicImage::from_decoder(decoder).map_err(|e| error_of(kind.name, e))?;
+    let mut image = DynamicImage::from_decoder(decoder).map_err(|e| error_of(format, e))?;
     image.apply_orientation(orientation);
+    Ok(image)
+}
+
+/// The pixels of an upright picture, with R, G, B when asked for; 16 bits brought to 8 by the rule.
+pub(in crate::dataset) fn pixels(
+    format: &'static str,
+    mut image: DynamicImage,
+    colour: bool,
+    depth: Depth16,
+) -> Result<Pixels, ImageError> {
     depth.apply(&mut image);
     let (width, height) = (image.width() as usize, image.height() as usize);
     if width == 0 || height == 0 {
         return Err(ImageError::Corrupt {
-            format: kind.name,
+            format,
             detail: "it has no pixels".into(),
         });
     }
@@ -95,7 +112,8 @@ fn decode(kind: &ImageKind, bytes: &[u8], colour: bool, depth: Depth16) -> Resul
     })
 }
 
-fn error_of(format: &'static str, error: image::ImageError) -> ImageError {
+/// An error of the `image` crate about a file of the kind `format`.
+pub(in crate::dataset) fn error_of(format: &'static str, error: image::ImageError) -> ImageError {
     use image::ImageError as E;
     match error {
         E::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => ImageError::Truncated { format },

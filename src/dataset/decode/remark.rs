@@ -85,7 +85,7 @@ impl fmt::Display for Remark {
                 f.write_str("the JPEG image has no Huffman tables; read with the standard ones, as Motion JPEG")
             }
             Remark::Several => f.write_str(
-                "the file holds several images (pages or an animation); the first was read, split the file for the others",
+                "the file holds several images (pages or an animation); the first was read; to have them as frames, name the file or give it a folder of its own",
             ),
         }
     }

@@ -7,6 +7,7 @@
 use super::{Description, Format, Found, Place, TruthFile};
 use crate::dataset::annotation::{Annotations, Region};
 use crate::dataset::decode::dimensions;
+use crate::dataset::names::stem;
 use crate::dataset::storage::File;
 use crate::dataset::{DatasetError, DatasetErrorKind, rows};
 use mtf::geom::{Corners, Mat3, homography};
@@ -25,8 +26,7 @@ fn target(name: &str) -> Option<usize> {
 
 /// The last number in the name of an image.
 fn number_of(image: &File) -> Option<usize> {
-    let name = image.name();
-    let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+    let stem = stem(image.name());
     let digits = stem.len() - stem.bytes().rev().take_while(u8::is_ascii_digit).count();
     stem[digits..].parse().ok()
 }
