@@ -69,6 +69,16 @@ impl Console {
     }
 }
 
+/// Hours, minutes and seconds.
+pub fn clock(seconds: f64) -> String {
+    let s = seconds.round() as u64;
+    match s {
+        3600.. => format!("{} h {:02} min", s / 3600, s % 3600 / 60),
+        60.. => format!("{} min {:02} s", s / 60, s % 60),
+        _ => format!("{s} s"),
+    }
+}
+
 /// Prints what is to be known about the data of the results printed before in `format`: below them, or on stderr where they
 /// are for machines. Whatever was asked for: figures say what they are of.
 ///

@@ -2,6 +2,7 @@
 
 use crate::plan::PlanError;
 use crate::store::{FileError, StoreError};
+use std::path::PathBuf;
 
 /// Why a run could not be made, or did not get to its end.
 #[derive(Debug, thiserror::Error)]
@@ -14,8 +15,13 @@ pub enum RunError {
     #[error(transparent)]
     Store(#[from] StoreError),
     /// Asked to stop by a signal; what was finished is kept.
-    #[error("stopped: {done} of {total} units done, nothing lost, run the same command again to go on")]
+    #[error(
+        "stopped: {done} of {total} units done and kept, nothing lost; go on with the same command and --out {}",
+        path.display()
+    )]
     Interrupted {
+        /// The run directory.
+        path: PathBuf,
         /// Units with a result.
         done: usize,
         /// Units requested.

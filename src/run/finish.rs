@@ -32,9 +32,17 @@ pub(crate) struct ResultSource<'a> {
     pub plan: &'a Plan,
     pub keys: &'a UnitKeys,
     pub metrics: &'a MetricSet,
-    pub exporters: &'a Exporters,
     pub truth: &'a [KeptTruth],
     pub journal: &'a Journal,
+}
+
+/// What becomes of units that have no result on disk that can be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Lacking {
+    /// There should be none.
+    Error,
+    /// They are left out.
+    LeftOut,
 }
 
 /// Units without a result: what they are, and why.
@@ -43,13 +51,54 @@ pub type Failed = Vec<(String, String)>;
 /// Frames per second of update time of each tracker, by id, over all its units.
 pub type Speeds = BTreeMap<String, f64>;
 
+/// What is made from units that have ended.
+pub(crate) struct Gathered {
+    pub results: Results,
+    /// Of [`Endings`].
+    made_from: String,
+    times: Vec<(Unit, UnitTime)>,
+    failed: Failed,
+}
+
+impl Gathered {
+    /// Units that it is made from.
+    pub fn units(&self) -> usize {
+        self.times.len() + self.failed.len()
+    }
+
+    /// The speed of each tracker.
+    pub fn speeds(&self, plan: &Plan) -> Speeds {
+        speeds(plan, &self.times)
+    }
+}
+
 impl ResultSource<'_> {
     /// Writes `timing.csv` and the result files of `units`, which are in the order of the plan.
     pub fn finish(
         &self,
+        exporters: &Exporters,
         units: &[Unit],
         pool: &rayon::ThreadPool,
     ) -> Result<(Results, Speeds, Failed), RunError> {
+        let all = self.gather(units, pool, Lacking::Error)?;
+        write_timing(self.dir, self.plan, &all.times)?;
+        let about = About {
+            sequence_curves: units.len() <= CURVE_UNITS,
+            made_from: all.made_from.clone(),
+            ..About::default()
+        };
+        exporters.write(self.dir.path(), &all.results, &about)?;
+        let speeds = all.speeds(self.plan);
+        Ok((all.results, speeds, all.failed))
+    }
+
+    /// Aggregates `units`, which are in the order of the plan.
+    pub fn gather(
+        &self,
+        units: &[Unit],
+        pool: &rayon::ThreadPool,
+        lacking: Lacking,
+    ) -> Result<Gathered, RunError> {
         // A tracker at a time, so that the errors of all frames of all trackers are never in memory together.
         let trackers: Vec<&[Unit]> = units.chunk_by(|a, b| a.tracker == b.tracker).collect();
         let parts: Vec<(Vec<u64>, Vec<(Unit, UnitTime)>, Failed, Results)> = pool.install(|| {
@@ -57,7 +106,10 @@ impl ResultSource<'_> {
                 let (mut endings, mut times, mut failed) = (Vec::new(), Vec::new(), Vec::new());
                 let mut loaded: Vec<(&Unit, UnitResult)> = Vec::new();
                 for unit in *units {
-                    let (ending, entry, result) = self.load(unit)?;
+                    let (ending, entry, result) = match self.load(unit) {
+                        Err(_) if lacking == Lacking::LeftOut => continue,
+                        other => other?,
+                    };
                     endings.push(ending);
                     match entry.reason {
                         Some(reason) => failed.push((self.plan.describe(unit), reason)),
@@ -89,14 +141,12 @@ impl ResultSource<'_> {
             failed.extend(part_failed);
             results.extend(part);
         }
-        write_timing(self.dir, self.plan, &times)?;
-        let about = About {
-            sequence_curves: units.len() <= CURVE_UNITS,
+        Ok(Gathered {
+            results,
             made_from: made_from.finish(),
-            ..About::default()
-        };
-        self.exporters.write(self.dir.path(), &results, &about)?;
-        Ok((results, speeds(self.plan, &times), failed))
+            times,
+            failed,
+        })
     }
 
     /// How the unit ended, its line and its result, as they stand on disk.

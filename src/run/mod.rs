@@ -5,6 +5,7 @@ mod error;
 mod finish;
 pub mod merge;
 mod observer;
+mod partial;
 mod pass;
 mod pool;
 pub mod profile;
@@ -13,7 +14,8 @@ mod schedule;
 mod watch;
 
 pub use error::RunError;
-pub use observer::{Observer, Silent};
+pub use observer::{Observer, Silent, Work};
+pub use partial::{Partial, partial};
 pub use pool::pool;
 pub use runner::{RunReport, run};
 

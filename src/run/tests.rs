@@ -470,7 +470,7 @@ struct StopAfter<'a> {
 }
 
 impl Observer for StopAfter<'_> {
-    fn unit(&self, _: &crate::store::journal::Entry) {
+    fn unit(&self, _: &crate::store::journal::Entry, _: &dyn Fn() -> crate::metric::Errors) {
         if self.units.fetch_add(1, Ordering::Relaxed) + 1 >= self.after {
             self.stop.store(true, Ordering::Relaxed);
         }
@@ -490,7 +490,7 @@ fn an_interrupted_run_goes_on_where_it_stopped() {
         stop: &stop,
     };
     match run(&request, &Exporters::builtin(), &observer, &stop) {
-        Err(RunError::Interrupted { done, total }) => assert!((4..12).contains(&done) && total == 12),
+        Err(RunError::Interrupted { done, total, .. }) => assert!((4..12).contains(&done) && total == 12),
         other => panic!("{other:?}"),
     }
     let journal = Journal::read(&request.out.join("journal.jsonl")).unwrap();
@@ -517,7 +517,7 @@ struct StopAfterFrames<'a> {
 }
 
 impl Observer for StopAfterFrames<'_> {
-    fn frames(&self, count: u64) {
+    fn frames(&self, _: u32, count: u64, _: f64) {
         if self.frames.fetch_add(count as usize, Ordering::Relaxed) + count as usize >= self.after {
             self.stop.store(true, Ordering::Relaxed);
         }
@@ -648,7 +648,14 @@ fn a_halt_ends_long_starts_and_updates_and_leaves_them_undone() {
             run(&request, &Exporters::builtin(), &Silent, &stop)
         });
         assert!(
-            matches!(halted, Err(RunError::Interrupted { done: 0, total: 1 })),
+            matches!(
+                halted,
+                Err(RunError::Interrupted {
+                    done: 0,
+                    total: 1,
+                    ..
+                })
+            ),
             "{halted:?}"
         );
         assert_eq!(
