@@ -1,7 +1,7 @@
 //! `mtf-eval bench`: how fast trackers are.
 
 use super::args::{SelectionArgs, TrackerArgs};
-use super::console::{Console, print};
+use super::console::{Console, print, write_text};
 use super::exit::{self, Failure, Outcome};
 use super::experiment::{expand, filter, sequences};
 use super::program::Program;
@@ -14,7 +14,6 @@ use crate::measure::bench::{
 use crate::measure::machine::Machine;
 use crate::report::{Format, bars_svg, render};
 use crate::run::pool;
-use crate::store::{Durable, write_atomic};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -160,7 +159,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
     };
     print(&text)?;
     if let Some(path) = &args.save {
-        write(path, &pretty(&measured))?;
+        write_text(path, &pretty(&measured))?;
     }
     if let Some(path) = &args.chart {
         let cores = match args.threads_per_tracker {
@@ -172,7 +171,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
             measured.machine.cpu
         );
         let svg = bars_svg(&groups, "Speed of trackers", &note).map_err(Failure::usage)?;
-        write(path, &svg)?;
+        write_text(path, &svg)?;
     }
     for (tracker, reason) in &measured.failed {
         console.warn(&format!("{tracker} failed: {reason}"));
@@ -270,10 +269,6 @@ fn read(path: &Path) -> Result<Measurement, Failure> {
             "version {version}, this program reads version {MEASUREMENT_FORMAT_VERSION}"
         )))
     }
-}
-
-fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    write_atomic(path, Durable::Now, |w| w.write_all(text.as_bytes())).map_err(Failure::usage)
 }
 
 fn pretty(value: &impl serde::Serialize) -> String {

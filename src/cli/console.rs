@@ -3,8 +3,9 @@
 use super::args::{Messages, When};
 use super::exit::{self, Failure};
 use crate::report::{Format, text};
-use crate::store::is_full;
+use crate::store::{Durable, is_full, write_atomic};
 use std::io::{self, IsTerminal, Write};
+use std::path::Path;
 
 /// Where messages go.
 #[derive(Debug)]
@@ -67,6 +68,15 @@ impl Console {
     pub fn line(&self, line: &str) {
         let _ = writeln!(io::stderr(), "{}", text::lines(line));
     }
+}
+
+/// Writes a file that a user asked for by name, whole or not at all.
+///
+/// # Errors
+/// What the system says.
+pub fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
+    write_atomic(path, Durable::Now, |w| w.write_all(text.as_bytes()))
+        .map_err(|e| Failure::usage(format!("{}: {e}", path.display())))
 }
 
 /// Hours, minutes and seconds.

@@ -58,7 +58,13 @@ struct Part {
 pub fn run(args: &PlanArgs, program: &Program) -> Outcome {
     if args.refused {
         let refused = refused(&args.experiment, program)?;
-        let rows: Vec<Vec<String>> = refused.into_iter().map(|(id, reason)| vec![id, reason]).collect();
+        if args.format == Format::Json {
+            let one = |(id, reason)| json!({"combination": id, "reason": reason});
+            let all: Value = refused.into_iter().map(one).collect();
+            print(&format!("{all:#}\n"))?;
+            return Ok(ExitCode::SUCCESS);
+        }
+        let rows: Vec<Vec<String>> = refused.into_iter().map(|(id, why)| vec![id, why]).collect();
         let header = ["combination", "reason"];
         print(&render(&header, &rows, args.format, program.console.table_colour))?;
         return Ok(ExitCode::SUCCESS);

@@ -20,11 +20,11 @@ use crate::store::rundir::{Recorded, RunDir, digest};
 use crate::store::truth::{self, KeptTruth};
 use rayon::prelude::*;
 use serde_json::{Map, Value};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Most units of a run whose files hold the success curve of each sequence (100 lines each).
-const CURVE_UNITS: usize = 20_000;
+/// Most units of a run whose files hold the success curves of each sequence and metric.
+const CURVE_UNITS: usize = 1000;
 
 /// All there is to make results from.
 pub(crate) struct ResultSource<'a> {
@@ -83,7 +83,7 @@ impl ResultSource<'_> {
         let all = self.gather(units, pool, Lacking::Error)?;
         write_timing(self.dir, self.plan, &all.times)?;
         let about = About {
-            sequence_curves: units.len() <= CURVE_UNITS,
+            all_curves: units.len() <= CURVE_UNITS,
             made_from: all.made_from.clone(),
             ..About::default()
         };
@@ -207,7 +207,7 @@ pub(crate) fn host(threads: usize) -> Map<String, Value> {
     host
 }
 
-/// Writes `run.json`, `truth.csv` and the `tracker.json` of each tracker of `units`; returns what `run.json` says.
+/// Writes `run.json`, `truth.csv` and, beside frame logs, the `tracker.json` of each tracker of `units`; returns what `run.json` says.
 pub(crate) fn describe(
     dir: &RunDir,
     plan: &Plan,
@@ -215,7 +215,7 @@ pub(crate) fn describe(
     truth: &[KeptTruth],
     host: Map<String, Value>,
 ) -> Result<Recorded, StoreError> {
-    for tracker in units.iter().map(|unit| unit.tracker).collect::<BTreeSet<_>>() {
+    for tracker in dir.described_trackers(plan, units) {
         let (path, bytes) = dir.tracker_file(&plan.trackers[tracker as usize]);
         // Written again by the next run if a loss of power damages it.
         dir.put(&path, &bytes, Durable::Later)?;

@@ -574,7 +574,7 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
         grid: Vec::new(),
         build: build().to_owned(),
         time: UnitTime {
-            init_seconds,
+            init_seconds: nano(init_seconds),
             ..unit_time(seconds, input_seconds, context.pool.current_num_threads())
         },
     };
@@ -611,16 +611,21 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
     let _ = journal.send(Finished { entry, log: written });
 }
 
+/// Rounded to a billionth.
+fn nano(seconds: f64) -> f64 {
+    (seconds * 1e9).round() / 1e9
+}
+
 fn unit_time(mut seconds: Vec<f32>, input_seconds: f64, threads: usize) -> UnitTime {
     let total: f64 = seconds.iter().map(|&s| f64::from(s)).sum();
     seconds.sort_by(f32::total_cmp);
-    let quantile = |q: f64| quantile::nearest(&seconds, q).map_or(0.0, |s| 1e3 * f64::from(s));
+    let quantile = |q: f64| quantile::nearest(&seconds, q).map_or(0.0, |s| nano(1e3 * f64::from(s)));
     UnitTime {
         init_seconds: 0.0,
-        seconds: total,
+        seconds: nano(total),
         ms_median: quantile(0.5),
         ms_p95: quantile(0.95),
-        input_seconds,
+        input_seconds: nano(input_seconds),
         updates: seconds.len(),
         threads,
         finished: crate::store::host::utc_now(),
