@@ -25,6 +25,9 @@ crate::tests! {
     #[cfg(target_os = "linux")]
     a_killed_run_is_told_from_a_living_one;
     threads_follow_slurm;
+    refusals_are_a_line_and_listed_where_it_says;
+    #[cfg(unix)]
+    a_stopped_run_has_a_table;
     #[cfg(target_os = "linux")]
     a_disk_that_fills_up_in_the_middle_loses_nothing needs Tmpfs;
 }
@@ -534,6 +537,94 @@ fn frame_logs_may_be_compressed() {
         .assert()
         .success();
     assert_eq!(fs::read(dir.join("zst/journal.jsonl")).unwrap(), before);
+}
+
+fn refusals_are_a_line_and_listed_where_it_says() {
+    let dir = place("", &[3]);
+    let dir = dir.path();
+    let plan = |args: &[&str]| {
+        let base = ["plan", "data", "--sm", "lk,nn", "--am", "all", "--ssm", "all"];
+        let output = program(dir).args(base).args(args).output().unwrap();
+        assert!(output.status.success());
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        (text(output.stdout), text(output.stderr))
+    };
+    let (_, said) = plan(&[]);
+    assert_eq!(said.lines().count(), 1, "{said}");
+    assert!(
+        said.contains("`mtf-eval plan --refused` with the same trackers"),
+        "{said}"
+    );
+    let (listed, _) = plan(&["--refused", "--format", "csv"]);
+    let count = listed.lines().count() - 1;
+    assert!(
+        count > 100 && said.starts_with(&format!("warning: {count} of ")),
+        "{said}"
+    );
+    let (json, _) = plan(&["--refused", "--format", "json"]);
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json.as_array().unwrap().len(), count);
+    assert!(json[0]["reason"].as_str().is_some_and(|reason| reason.len() > 10));
+    // One reason is said at once.
+    let words = ["plan", "data", "--sm", "esm,iclk", "--am", "ssd,sad"];
+    let said = program(dir).args(words).assert().success();
+    said.stderr(
+        predicates::str::starts_with("warning: 2 of 4 combinations refused: ")
+            .and(contains("sad has no derivatives"))
+            .and(contains("and 1 more")),
+    );
+}
+
+#[cfg(unix)]
+fn a_stopped_run_has_a_table() {
+    let dir = place(SLOW, &[30, 30, 30]);
+    let dir = dir.path();
+    let args = [&grid("out")[..], &["-j", "1", "--grace", "0"]].concat();
+    let mut child = start(dir, &args);
+    let lines = || fs::read_to_string(dir.join("out/journal.jsonl")).map_or(0, |t| t.lines().count());
+    wait_for("no unit", || lines() > 0 || child.try_wait().unwrap().is_some());
+    // While the run goes on.
+    let table = |codes: &[i32]| {
+        let output = program(dir).args(["status", "out", "--table"]).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(codes.contains(&output.status.code().unwrap()), "{output:?}");
+        said
+    };
+    let said = table(&[21, 0]);
+    assert!(
+        said.contains(" of 12 units are in it") || said.contains("all 12 units"),
+        "{said}"
+    );
+    if child.try_wait().unwrap().is_none() {
+        signal(&child, "-INT");
+    }
+    let output = child.wait_with_output().unwrap();
+    if output.status.code() == Some(75) {
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(said.lines().count(), 1, "{said}");
+        assert!(said.contains("units done and kept, nothing lost"), "{said}");
+        assert!(said.contains("--out out"), "{said}");
+        let said = table(&[21]);
+        let ended = format!("partial: {} of 12 units are in it", lines());
+        assert!(said.contains(&ended) && said.contains("nn/"), "{said}");
+        program(dir)
+            .args(["status", "out", "--table", "--format", "csv"])
+            .assert()
+            .stdout(predicates::str::starts_with("tracker,sm,am,"))
+            .stderr(contains(ended));
+    }
+    let whole = program(dir).args(["run", "--grid", "grid.toml", "-q", "--out", "out"]);
+    let whole = whole.unwrap();
+    let said = table(&[0]);
+    assert!(
+        said.starts_with(&String::from_utf8_lossy(&whole.stdout).into_owned()),
+        "{said}"
+    );
+    let two = program(dir)
+        .args(["status", "out", "out", "--table"])
+        .assert()
+        .code(2);
+    two.stderr(contains("--table takes one run directory"));
 }
 
 /// A run that takes its time.

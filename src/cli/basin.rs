@@ -129,20 +129,19 @@ pub fn run(args: &BasinArgs, program: &Program) -> Outcome {
     let pool = pool(args.threads.unwrap_or(0), &|text| console.warn(text))?;
     let stop = stop_on_signals()?;
     let starts = request.starts();
+    let of = |count: usize, what: &str| format!("{count} {what}{}", if count == 1 { "" } else { "s" });
     let counts = format!(
-        "{} trackers x {} images x {} sigmas x {} warps = {starts} starts",
-        request.trackers.len(),
-        request.textures.len(),
-        request.sigmas.len(),
-        request.trials
+        "{} x {} x {} x {} = {starts} starts",
+        of(request.trackers.len(), "tracker"),
+        of(request.textures.len(), "image"),
+        of(request.sigmas.len(), "sigma"),
+        of(request.trials, "warp")
     );
     let seconds = pool.install(|| basin::probe(&request, &stop))?;
     let threads = pool.current_num_threads();
-    console.note(&format!(
-        "{counts}: about {} on {threads} threads",
-        clock(seconds)
-    ));
-    let meter = Meter::new(console, program.progress);
+    let time = clock(seconds);
+    console.note(&format!("{counts}, about {time} with {}", of(threads, "thread")));
+    let meter = Meter::new(console, program.progress, false);
     meter.begin(starts);
     let (begin, done) = (Instant::now(), AtomicU64::new(0));
     let progress = |count: u64| {

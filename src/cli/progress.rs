@@ -39,14 +39,17 @@ struct Lines {
 }
 
 impl<'a> Meter<'a> {
-    /// Nothing is said before [`begin`](Self::begin).
-    pub fn new(console: &'a Console, mode: ProgressMode) -> Self {
+    /// Nothing is said before [`begin`](Self::begin). A bar may have lines below it (`below`).
+    pub fn new(console: &'a Console, mode: ProgressMode, below: bool) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let show = !console.quiet && mode != ProgressMode::None;
         let bar = if show && terminal && mode == ProgressMode::Auto {
             // Ten redraws a second are enough and cost nothing.
             let target = ProgressDrawTarget::stderr_with_hz(10);
-            let style = ProgressStyle::with_template("{wide_bar} {percent:>3} %  {msg}{prefix}");
+            let style = ProgressStyle::with_template(match below {
+                true => "{wide_bar} {percent:>3} %  {msg}\n{prefix}",
+                false => "{wide_bar} {percent:>3} %  {msg}",
+            });
             ProgressBar::with_draw_target(None, target)
                 .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
         } else {
@@ -187,16 +190,17 @@ impl Leaders {
         }
     }
 
-    /// The best by `auc` over the frames of their units so far, each on a line of its own that begins a new one.
+    /// The best by `auc` over the frames of their units so far, each on a line of its own.
     fn text(&self) -> String {
         let mut all: Vec<(&String, &Lead)> = self.0.iter().collect();
         let auc = |lead: &Lead| lead.sum / lead.frames;
         all.sort_by(|a, b| auc(b.1).total_cmp(&auc(a.1)).then_with(|| a.0.cmp(b.0)));
         let line = |(id, lead): (&String, &Lead)| {
             let units = if lead.units == 1 { "unit" } else { "units" };
-            format!("\n  AUC {:.3} so far, {} {units}: {id}", auc(lead), lead.units)
+            format!("  AUC {:.3} so far, {} {units}: {id}", auc(lead), lead.units)
         };
-        all.into_iter().take(LEADERS).map(line).collect()
+        let lines: Vec<String> = all.into_iter().take(LEADERS).map(line).collect();
+        lines.join("\n")
     }
 }
 
@@ -205,7 +209,7 @@ impl<'a> Progress<'a> {
     pub fn new(console: &'a Console, mode: ProgressMode) -> Self {
         Progress {
             console,
-            meter: Meter::new(console, mode),
+            meter: Meter::new(console, mode, true),
             state: Mutex::new(State {
                 began: Instant::now(),
                 pending: 0,
@@ -332,7 +336,7 @@ mod tests {
         leaders.add("e", &errors(&[]));
         assert_eq!(
             leaders.text(),
-            "\n  AUC 1.000 so far, 1 unit: b\n  AUC 0.960 so far, 1 unit: c\n  AUC 0.250 so far, 2 units: a"
+            "  AUC 1.000 so far, 1 unit: b\n  AUC 0.960 so far, 1 unit: c\n  AUC 0.250 so far, 2 units: a"
         );
     }
 }

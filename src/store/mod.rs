@@ -9,7 +9,7 @@ pub mod held;
 pub mod host;
 pub mod journal;
 pub mod lock;
-mod packed;
+pub mod packed;
 pub mod rundir;
 pub mod status;
 pub mod summary;
