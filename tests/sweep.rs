@@ -28,6 +28,8 @@ crate::tests! {
     refusals_are_a_line_and_listed_where_it_says;
     #[cfg(unix)]
     a_stopped_run_has_a_table;
+    #[cfg(unix)]
+    an_interrupt_leaves_a_clean_terminal needs Terminal;
     #[cfg(target_os = "linux")]
     a_disk_that_fills_up_in_the_middle_loses_nothing needs Tmpfs;
 }
@@ -625,6 +627,56 @@ fn a_stopped_run_has_a_table() {
         .assert()
         .code(2);
     two.stderr(contains("--table takes one run directory"));
+}
+
+#[cfg(unix)]
+fn an_interrupt_leaves_a_clean_terminal() {
+    let dir = place(SLOW, &[30, 30, 30]);
+    let dir = dir.path();
+    let program = assert_cmd::cargo::cargo_bin!("mtf-eval").display();
+    for grace in ["0", "20"] {
+        let _ = fs::remove_dir_all(dir.join("out"));
+        let run = format!("{program} run --grid grid.toml --out out -j 1 --grace {grace}");
+        let child = Command::new("script")
+            .args(["-qefc", &run, "/dev/null"])
+            .current_dir(dir)
+            .env("TERM", "xterm")
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let holder = || {
+            let lock = fs::read_to_string(dir.join("out/.lock")).unwrap_or_default();
+            let words: Vec<&str> = lock.split_whitespace().collect();
+            let at = words.iter().position(|word| *word == "pid")?;
+            words.get(at + 1).map(|pid| pid.to_string())
+        };
+        let lines = || fs::read_to_string(dir.join("out/journal.jsonl")).map_or(0, |t| t.lines().count());
+        wait_for("no units", || lines() > 2);
+        if let Some(pid) = holder() {
+            let _ = Command::new("kill").args(["-INT", &pid]).status();
+        }
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stdout);
+        if output.status.code() != Some(75) {
+            // It was done before.
+            assert_eq!(output.status.code(), Some(0), "{said}");
+            continue;
+        }
+        assert!(said.contains("so far, ") && said.contains(" left"), "{said:?}");
+        // After the last bar the line is erased, then there are whole lines.
+        let bar = said.rfind(" frames/s, about ").unwrap();
+        let erased = bar + said[bar..].rfind("\u{1b}[2K").expect("the bar is taken away");
+        let rest: Vec<&str> = said[erased..].lines().filter(|line| line.len() > 6).collect();
+        let stopping = rest.iter().filter(|line| line.contains("stopping: ")).count();
+        assert_eq!(stopping, usize::from(grace == "20"), "{rest:?}");
+        assert_eq!(rest.len(), 1 + stopping, "{rest:?}");
+        let last = rest.last().unwrap();
+        assert!(
+            last.contains("units done and kept") && last.contains("--out out"),
+            "{rest:?}"
+        );
+    }
 }
 
 /// A run that takes its time.

@@ -648,6 +648,24 @@ mod tests {
     }
 
     #[test]
+    fn groups_grow_as_long_as_reading_costs() {
+        let pace = Pace::new(false, false, 2);
+        assert_eq!(pace.together(), 8);
+        pace.learn(8, 0.01);
+        assert_eq!(pace.together(), 8);
+        pace.learn(8, 0.5);
+        // One that ran at the same time, or had no room for more.
+        pace.learn(8, 0.5);
+        assert_eq!(pace.together(), 16);
+        for _ in 0..9 {
+            pace.learn(pace.together(), 0.5);
+        }
+        assert_eq!(pace.together(), GROUP);
+        assert_eq!(Pace::new(true, false, 2).together(), 2);
+        assert_eq!(Pace::new(false, true, 2).together(), 1);
+    }
+
+    #[test]
     fn quantiles_are_taken_over_the_updates() {
         let time = unit_time((1..=100).rev().map(|k| k as f32 * 1e-3).collect(), 0.5, 2);
         assert!((time.seconds - 5.05).abs() < 1e-6);

@@ -572,6 +572,40 @@ fn every_slot_that_fits_a_unit_gets_one_done() {
     assert_eq!(files(&bench.dir.path().join("whole")), files(&hurried.out));
 }
 
+/// Frames that are done when the first unit ends.
+#[derive(Default)]
+struct FirstEnd {
+    frames: AtomicUsize,
+    first: std::sync::OnceLock<usize>,
+}
+
+impl Observer for FirstEnd {
+    fn frames(&self, _: u32, count: u64, _: f64) {
+        self.frames.fetch_add(count as usize, Ordering::Relaxed);
+    }
+    fn unit(&self, _: &crate::store::journal::Entry, _: &dyn Fn() -> crate::metric::Errors) {
+        let _ = self.first.set(self.frames.load(Ordering::Relaxed));
+    }
+}
+
+#[test]
+fn units_end_from_early_on_and_every_frame_is_told() {
+    let bench = Bench::new(&[40]);
+    // With room for the frames of the sequence, and without.
+    for memory in [1 << 30, 100_000] {
+        let mut trackers = many(39);
+        trackers.push(tracker("panics", Trick::Panic { at: 5 }, 1));
+        let mut request = bench.request(&memory.to_string(), trackers);
+        request.memory = memory;
+        let watch = FirstEnd::default();
+        run(&request, &Exporters::builtin(), &watch, &AtomicBool::new(false)).unwrap();
+        let all = 40 * 40;
+        assert_eq!(watch.frames.into_inner(), all);
+        let first = watch.first.into_inner().unwrap();
+        assert!(first <= all / 4, "{first} of {all} frames");
+    }
+}
+
 #[test]
 fn gray_and_colour_share_a_sequence_that_is_kept() {
     let bench = Bench::new(&[12, 9]);

@@ -24,6 +24,8 @@ pub enum Need {
     Tmpfs,
     /// A tool that makes calls to the system fail.
     Strace,
+    /// A tool that runs a program at a terminal.
+    Terminal,
 }
 
 impl Need {
@@ -36,6 +38,7 @@ impl Need {
         (Need::DevFull, "dev_full", "needs /dev/full"),
         (Need::Tmpfs, "tmpfs", "needs the right to mount a tmpfs"),
         (Need::Strace, "strace", "needs strace, and the right to trace"),
+        (Need::Terminal, "terminal", "needs script (util-linux)"),
     ];
 
     fn entry(self) -> &'static (Need, &'static str, &'static str) {
@@ -55,6 +58,7 @@ impl Need {
             Need::Avx2 => false,
             Need::DevFull => Path::new("/dev/full").exists(),
             Need::Tmpfs => runs("unshare", &["--mount", "mount", "-t", "tmpfs", "tmpfs", "/mnt"]),
+            Need::Terminal => runs("script", &["-qefc", "test -t 2", "/dev/null"]),
             Need::Strace => runs("strace", &["-f", "-qq", "--seccomp-bpf", "true"]),
         }
     }
