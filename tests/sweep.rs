@@ -615,8 +615,7 @@ fn a_stopped_run_has_a_table() {
             .stdout(predicates::str::starts_with("tracker,sm,am,"))
             .stderr(contains(ended));
     }
-    let whole = program(dir).args(["run", "--grid", "grid.toml", "-q", "--out", "out"]);
-    let whole = whole.unwrap();
+    let whole = program(dir).args(grid("out")).output().unwrap();
     let said = table(&[0]);
     assert!(
         said.starts_with(&String::from_utf8_lossy(&whole.stdout).into_owned()),
@@ -633,10 +632,11 @@ fn a_stopped_run_has_a_table() {
 fn an_interrupt_leaves_a_clean_terminal() {
     let dir = place(SLOW, &[30, 30, 30]);
     let dir = dir.path();
-    let program = assert_cmd::cargo::cargo_bin!("mtf-eval").display();
+    let program = assert_cmd::cargo::cargo_bin!("mtf-eval");
     for grace in ["0", "20"] {
         let _ = fs::remove_dir_all(dir.join("out"));
-        let run = format!("{program} run --grid grid.toml --out out -j 1 --grace {grace}");
+        let words = format!("run --grid grid.toml --out out -j 1 --grace {grace}");
+        let run = format!("{} {words}", program.display());
         let child = Command::new("script")
             .args(["-qefc", &run, "/dev/null"])
             .current_dir(dir)
