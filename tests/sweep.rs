@@ -568,7 +568,16 @@ fn refusals_are_a_line_and_listed_where_it_says() {
     assert_eq!(json.as_array().unwrap().len(), count);
     assert!(json[0]["reason"].as_str().is_some_and(|reason| reason.len() > 10));
     // One reason is said at once.
-    let words = ["plan", "data", "--sm", "esm,iclk", "--am", "ssd,sad"];
+    let words = [
+        "plan",
+        "data",
+        "--sm",
+        "esm",
+        "--am",
+        "ssd,sad",
+        "--ssm",
+        "affine,homography",
+    ];
     let said = program(dir).args(words).assert().success();
     said.stderr(
         predicates::str::starts_with("warning: 2 of 4 combinations refused: ")
