@@ -25,6 +25,11 @@ crate::tests! {
     #[cfg(target_os = "linux")]
     a_killed_run_is_told_from_a_living_one;
     threads_follow_slurm;
+    refusals_are_a_line_and_listed_where_it_says;
+    #[cfg(unix)]
+    a_stopped_run_has_a_table;
+    #[cfg(unix)]
+    an_interrupt_leaves_a_clean_terminal needs Terminal;
     #[cfg(target_os = "linux")]
     a_disk_that_fills_up_in_the_middle_loses_nothing needs Tmpfs;
 }
@@ -534,6 +539,153 @@ fn frame_logs_may_be_compressed() {
         .assert()
         .success();
     assert_eq!(fs::read(dir.join("zst/journal.jsonl")).unwrap(), before);
+}
+
+fn refusals_are_a_line_and_listed_where_it_says() {
+    let dir = place("", &[3]);
+    let dir = dir.path();
+    let plan = |args: &[&str]| {
+        let base = ["plan", "data", "--sm", "lk,nn", "--am", "all", "--ssm", "all"];
+        let output = program(dir).args(base).args(args).output().unwrap();
+        assert!(output.status.success());
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        (text(output.stdout), text(output.stderr))
+    };
+    let (_, said) = plan(&[]);
+    assert_eq!(said.lines().count(), 1, "{said}");
+    assert!(
+        said.contains("`mtf-eval plan --refused` with the same trackers"),
+        "{said}"
+    );
+    let (listed, _) = plan(&["--refused", "--format", "csv"]);
+    let count = listed.lines().count() - 1;
+    assert!(
+        count > 100 && said.starts_with(&format!("warning: {count} of ")),
+        "{said}"
+    );
+    let (json, _) = plan(&["--refused", "--format", "json"]);
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json.as_array().unwrap().len(), count);
+    assert!(json[0]["reason"].as_str().is_some_and(|reason| reason.len() > 10));
+    // One reason is said at once.
+    let words = [
+        "plan",
+        "data",
+        "--sm",
+        "esm",
+        "--am",
+        "ssd,sad",
+        "--ssm",
+        "affine,homography",
+    ];
+    let said = program(dir).args(words).assert().success();
+    said.stderr(
+        predicates::str::starts_with("warning: 2 of 4 combinations refused: ")
+            .and(contains("sad has no derivatives"))
+            .and(contains("and 1 more")),
+    );
+}
+
+#[cfg(unix)]
+fn a_stopped_run_has_a_table() {
+    let dir = place(SLOW, &[30, 30, 30]);
+    let dir = dir.path();
+    let args = [&grid("out")[..], &["-j", "1", "--grace", "0"]].concat();
+    let mut child = start(dir, &args);
+    let lines = || fs::read_to_string(dir.join("out/journal.jsonl")).map_or(0, |t| t.lines().count());
+    wait_for("no unit", || lines() > 0 || child.try_wait().unwrap().is_some());
+    // While the run goes on.
+    let table = |codes: &[i32]| {
+        let output = program(dir).args(["status", "out", "--table"]).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(codes.contains(&output.status.code().unwrap()), "{output:?}");
+        said
+    };
+    let said = table(&[21, 0]);
+    assert!(
+        said.contains(" of 12 units are in it") || said.contains("all 12 units"),
+        "{said}"
+    );
+    if child.try_wait().unwrap().is_none() {
+        signal(&child, "-INT");
+    }
+    let output = child.wait_with_output().unwrap();
+    if output.status.code() == Some(75) {
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(said.lines().count(), 1, "{said}");
+        assert!(said.contains("units done and kept, nothing lost"), "{said}");
+        assert!(said.contains("--out out"), "{said}");
+        let said = table(&[21]);
+        let ended = format!("partial: {} of 12 units are in it", lines());
+        assert!(said.contains(&ended) && said.contains("nn/"), "{said}");
+        program(dir)
+            .args(["status", "out", "--table", "--format", "csv"])
+            .assert()
+            .stdout(predicates::str::starts_with("tracker,sm,am,"))
+            .stderr(contains(ended));
+    }
+    let whole = program(dir).args(grid("out")).output().unwrap();
+    let said = table(&[0]);
+    assert!(
+        said.starts_with(&String::from_utf8_lossy(&whole.stdout).into_owned()),
+        "{said}"
+    );
+    let two = program(dir)
+        .args(["status", "out", "out", "--table"])
+        .assert()
+        .code(2);
+    two.stderr(contains("--table takes one run directory"));
+}
+
+#[cfg(unix)]
+fn an_interrupt_leaves_a_clean_terminal() {
+    let dir = place(SLOW, &[30, 30, 30]);
+    let dir = dir.path();
+    let program = assert_cmd::cargo::cargo_bin!("mtf-eval");
+    for grace in ["0", "20"] {
+        let _ = fs::remove_dir_all(dir.join("out"));
+        let words = format!("run --grid grid.toml --out out -j 1 --grace {grace}");
+        let run = format!("{} {words}", program.display());
+        let child = Command::new("script")
+            .args(["-qefc", &run, "/dev/null"])
+            .current_dir(dir)
+            .env("TERM", "xterm")
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let holder = || {
+            let lock = fs::read_to_string(dir.join("out/.lock")).unwrap_or_default();
+            let words: Vec<&str> = lock.split_whitespace().collect();
+            let at = words.iter().position(|word| *word == "pid")?;
+            words.get(at + 1).map(|pid| pid.to_string())
+        };
+        let lines = || fs::read_to_string(dir.join("out/journal.jsonl")).map_or(0, |t| t.lines().count());
+        wait_for("no units", || lines() > 2);
+        if let Some(pid) = holder() {
+            let _ = Command::new("kill").args(["-INT", &pid]).status();
+        }
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stdout);
+        if output.status.code() != Some(75) {
+            // It was done before.
+            assert_eq!(output.status.code(), Some(0), "{said}");
+            continue;
+        }
+        assert!(said.contains("so far, ") && said.contains(" left"), "{said:?}");
+        // After the last bar the line is erased, then there are whole lines.
+        let bar = said.rfind(" frames/s, about ").unwrap();
+        let erased = bar + said[bar..].rfind("\u{1b}[2K").expect("the bar is taken away");
+        let rest: Vec<&str> = said[erased..].lines().filter(|line| line.len() > 6).collect();
+        let stopping = rest.iter().filter(|line| line.contains("stopping: ")).count();
+        assert_eq!(stopping, usize::from(grace == "20"), "{rest:?}");
+        assert_eq!(rest.len(), 1 + stopping, "{rest:?}");
+        let last = rest.last().unwrap();
+        assert!(
+            last.contains("units done and kept") && last.contains("--out out"),
+            "{rest:?}"
+        );
+    }
 }
 
 /// A run that takes its time.

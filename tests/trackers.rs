@@ -133,6 +133,14 @@ fn basins_are_measured_and_repeat() {
     done.assert()
         .success()
         .stdout(contains(",2.5,homography\n").count(2));
+    // What it costs is said first, and a picture drawn.
+    let words = "basin --tracker esm/ssd/translation --side 120 --sigma 2,9 --trials 4 --chart basin.svg";
+    let said = program(dir.path()).args(words.split(' ')).assert().success();
+    said.stderr(contains(
+        "1 tracker x 4 images x 2 sigmas x 4 warps = 32 starts, about",
+    ));
+    let chart = std::fs::read_to_string(dir.path().join("basin.svg")).unwrap();
+    assert!(chart.starts_with("<svg") && chart.contains("esm/ssd/translation"));
     for (args, message) in [
         (&["--sigma", "0"][..], "numbers above 0"),
         (&["--threshold", "0"], "numbers above 0"),

@@ -1,21 +1,24 @@
 //! `mtf-eval basin`: how far from the truth a tracker may start.
 
 use super::args::TrackerArgs;
-use super::console::print;
+use super::console::{clock, print, write_text};
 use super::exit::{Failure, Outcome};
 use super::experiment::{filter, trackers};
 use super::program::Program;
+use super::progress::Meter;
 use super::signals::stop_on_signals;
 use crate::dataset::decode;
 use crate::files;
 use crate::measure::basin::{self, BasinRequest, BasinRow, Perturb, Texture};
-use crate::report::{Format, render};
+use crate::report::{Format, basin_svg, render};
 use crate::run::pool;
 use crate::synth::texture::TEXTURES;
 use mtf::image::{Frame, Identity};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
 /// Textures drawn for the experiment when no image is given: different kinds, all with something to see.
 const DRAWN: [&str; 4] = ["rock", "painting", "page", "bricks"];
@@ -73,6 +76,9 @@ pub struct BasinArgs {
     /// A row per image as well
     #[arg(long, help_heading = "Output")]
     pub each: bool,
+    /// Draw the share of starts that converged against sigma (SVG)
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    pub chart: Option<PathBuf>,
     /// Form of the table: a row per tracker, image and sigma
     #[arg(long, value_name = "FORM", default_value = "table", help_heading = "Output")]
     pub format: Format,
@@ -122,8 +128,33 @@ pub fn run(args: &BasinArgs, program: &Program) -> Outcome {
     };
     let pool = pool(args.threads.unwrap_or(0), &|text| console.warn(text))?;
     let stop = stop_on_signals()?;
-    let progress = |share: f64| console.note(&format!("{:.0} %", 100.0 * share));
-    let rows = pool.install(|| basin::run(&request, &stop, &progress))?;
+    let starts = request.starts();
+    let of = |count: usize, what: &str| format!("{count} {what}{}", if count == 1 { "" } else { "s" });
+    let counts = format!(
+        "{} x {} x {} x {} = {starts} starts",
+        of(request.trackers.len(), "tracker"),
+        of(request.textures.len(), "image"),
+        of(request.sigmas.len(), "sigma"),
+        of(request.trials, "warp")
+    );
+    let seconds = pool.install(|| basin::probe(&request, &stop))?;
+    let threads = pool.current_num_threads();
+    let time = clock(seconds);
+    console.note(&format!("{counts}, about {time} with {}", of(threads, "thread")));
+    let meter = Meter::new(console, program.progress, false);
+    meter.begin(starts);
+    let (begin, done) = (Instant::now(), AtomicU64::new(0));
+    let progress = |count: u64| {
+        let done = done.fetch_add(count, Ordering::Relaxed) + count;
+        let line = || {
+            let left = begin.elapsed().as_secs_f64() * starts.saturating_sub(done) as f64 / done as f64;
+            format!("{done}/{starts} starts, about {} left", clock(left))
+        };
+        meter.step(count, &line, &String::new);
+    };
+    let rows = pool.install(|| basin::run(&request, &stop, &progress));
+    meter.end();
+    let rows = rows?;
     let pooled = request.textures.len() > 1;
     let shown: Vec<&BasinRow> = rows
         .iter()
@@ -164,6 +195,20 @@ pub fn run(args: &BasinArgs, program: &Program) -> Outcome {
         "perturbed_by",
     ];
     print(&render(&header, &lines, args.format, console.table_colour))?;
+    if let Some(path) = &args.chart {
+        let of_all = |row: &&BasinRow| !pooled || row.texture == basin::POOLED;
+        let all: Vec<&BasinRow> = rows.iter().filter(of_all).collect();
+        let groups: Vec<Vec<&BasinRow>> = all
+            .chunk_by(|a, b| a.tracker == b.tracker)
+            .map(<[_]>::to_vec)
+            .collect();
+        let note = format!(
+            "{counts} of {} updates, converged within {} px; 95 % intervals",
+            request.updates, request.threshold
+        );
+        let svg = basin_svg(&groups, "Basins of convergence", &note).map_err(Failure::usage)?;
+        write_text(path, &svg)?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 

@@ -1,7 +1,7 @@
 //! `mtf-eval bench`: how fast trackers are.
 
 use super::args::{SelectionArgs, TrackerArgs};
-use super::console::{Console, print};
+use super::console::{Console, print, write_text};
 use super::exit::{self, Failure, Outcome};
 use super::experiment::{expand, filter, sequences};
 use super::program::Program;
@@ -14,7 +14,6 @@ use crate::measure::bench::{
 use crate::measure::machine::Machine;
 use crate::report::{Format, bars_svg, json_text, render};
 use crate::run::pool;
-use crate::store::{Durable, write_atomic};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -170,7 +169,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
     };
     print(&text)?;
     if let Some(path) = &args.save {
-        write(path, &json_text(&measured, true))?;
+        write_text(path, &json_text(&measured, true))?;
     }
     if let Some(path) = &args.chart {
         let cores = match args.threads_per_tracker {
@@ -183,7 +182,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
         );
         let title = format!("Speed of trackers on {}", subject(&measured.data));
         let svg = bars_svg(&groups, &title, &note).map_err(Failure::usage)?;
-        write(path, &svg)?;
+        write_text(path, &svg)?;
     }
     for (tracker, reason) in &measured.failed {
         console.warn(&format!("{tracker} failed: {reason}"));
@@ -294,10 +293,6 @@ fn read(path: &Path) -> Result<Measurement, Failure> {
             "version {version}, this program reads version {MEASUREMENT_FORMAT_VERSION}"
         )))
     }
-}
-
-fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    write_atomic(path, Durable::Now, |w| w.write_all(text.as_bytes())).map_err(Failure::usage)
 }
 
 /// Each row of ours, then the rows of the other measurement about the same tracker.

@@ -3,8 +3,9 @@
 use super::args::{Messages, When};
 use super::exit::{self, Failure};
 use crate::report::{Format, text};
-use crate::store::is_full;
+use crate::store::{Durable, is_full, write_atomic};
 use std::io::{self, IsTerminal, Write};
+use std::path::Path;
 
 /// Where messages go.
 #[derive(Debug)]
@@ -74,6 +75,25 @@ impl Console {
     /// A line of its own, whatever was asked for.
     pub fn line(&self, line: &str) {
         let _ = writeln!(io::stderr(), "{}", text::lines(line));
+    }
+}
+
+/// Writes a file that a user asked for by name, whole or not at all.
+///
+/// # Errors
+/// What the system says.
+pub fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
+    write_atomic(path, Durable::Now, |w| w.write_all(text.as_bytes()))
+        .map_err(|e| Failure::usage(format!("{}: {e}", path.display())))
+}
+
+/// Hours, minutes and seconds.
+pub fn clock(seconds: f64) -> String {
+    let s = seconds.round() as u64;
+    match s {
+        3600.. => format!("{} h {:02} min", s / 3600, s % 3600 / 60),
+        60.. => format!("{} min {:02} s", s / 60, s % 60),
+        _ => format!("{s} s"),
     }
 }
 

@@ -35,22 +35,9 @@ pub fn experiment(
     program: &Program,
 ) -> Result<RunRequestBuilder, Failure> {
     let (registry, console) = (&program.catalogue.registry, &program.console);
-    let file = args
-        .grid
-        .as_deref()
-        .map(ExperimentFile::read)
-        .transpose()
-        .map_err(Failure::usage)?
-        .unwrap_or_default();
-    let mut args = args.clone();
-    complete(&mut args, &file).map_err(Failure::usage)?;
+    let (args, specs, refused) = combinations(args, program)?;
     let pre = filter(&args.trackers)?;
-    let settings = file.settings(|name| overridden(&args.trackers, name));
-    let (specs, refused) = specs(&args.trackers, &settings, registry).map_err(|e| match file.blame(&e) {
-        Some(line) => Failure::usage(file.at(line, e)),
-        None => Failure::usage(e),
-    })?;
-    tell(&refused, console);
+    tell(&refused, specs.len(), console);
     let trackers = filtered(specs, &args.trackers, registry, console)?;
     let Chosen {
         mut sequences,
@@ -114,6 +101,41 @@ pub fn experiment(
         .data_notes(data_notes)
         .about(about);
     Ok(request)
+}
+
+/// The arguments with what their experiment file adds, the trackers they ask for and the combinations that cannot work.
+///
+/// # Errors
+/// Wrong arguments or experiment file.
+fn combinations(
+    args: &ExperimentArgs,
+    program: &Program,
+) -> Result<(ExperimentArgs, Vec<TrackerSpec>, Vec<Refusal>), Failure> {
+    let file = args
+        .grid
+        .as_deref()
+        .map(ExperimentFile::read)
+        .transpose()
+        .map_err(Failure::usage)?
+        .unwrap_or_default();
+    let mut args = args.clone();
+    complete(&mut args, &file).map_err(Failure::usage)?;
+    let settings = file.settings(|name| overridden(&args.trackers, name));
+    let registry = &program.catalogue.registry;
+    let (specs, refused) = specs(&args.trackers, &settings, registry).map_err(|e| match file.blame(&e) {
+        Some(line) => Failure::usage(file.at(line, e)),
+        None => Failure::usage(e),
+    })?;
+    Ok((args, specs, refused))
+}
+
+/// The combinations of an experiment that cannot work: ids and reasons, each once.
+///
+/// # Errors
+/// Wrong arguments or experiment file.
+pub fn refused(args: &ExperimentArgs, program: &Program) -> Result<BTreeMap<String, String>, Failure> {
+    let (_, _, refused) = combinations(args, program)?;
+    Ok(refused.into_iter().map(|r| (r.id, r.reason)).collect())
 }
 
 /// The filter that was asked for.
@@ -261,20 +283,25 @@ fn specs(
     Ok((specs.into_iter().collect(), refused))
 }
 
-/// Tells which combinations cannot work, once per reason.
-fn tell(refused: &[Refusal], console: &Console) {
-    let mut reasons: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
-    for refusal in refused {
-        reasons.entry(&refusal.reason).or_default().insert(&refusal.id);
-    }
-    for (reason, ids) in reasons {
-        let more = match ids.len() {
-            1 => " is".to_owned(),
-            n => format!(" and {} more are", n - 1),
-        };
-        let first = ids.first().copied().unwrap_or_default();
-        console.warn(&format!("{first}{more} refused: {reason}"));
-    }
+/// Tells in one line how many combinations cannot work beside `valid` ones, and why or where that is said.
+fn tell(refused: &[Refusal], valid: usize, console: &Console) {
+    let reasons: BTreeMap<&str, &str> = refused
+        .iter()
+        .map(|r| (r.id.as_str(), r.reason.as_str()))
+        .collect();
+    let Some((id, reason)) = reasons.first_key_value() else {
+        return;
+    };
+    let count = reasons.len();
+    let why = match (count, reasons.values().all(|other| other == reason)) {
+        (1, _) => format!("{id}: {reason}"),
+        (_, true) => format!("{reason} ({id} and {} more)", count - 1),
+        (_, false) => "`mtf-eval plan --refused` with the same trackers lists them".to_owned(),
+    };
+    console.warn(&format!(
+        "{count} of {} combinations refused: {why}",
+        count + valid
+    ));
 }
 
 /// Trackers of the command line alone; combinations that cannot work are told.
@@ -283,7 +310,7 @@ fn tell(refused: &[Refusal], console: &Console) {
 /// Unknown names, bad values, nothing that can work.
 pub fn trackers(args: &TrackerArgs, program: &Program) -> Result<Vec<TrackerEntry>, Failure> {
     let (entries, refused) = expand(args, program)?;
-    tell(&refused, &program.console);
+    tell(&refused, entries.len(), &program.console);
     Ok(entries)
 }
 

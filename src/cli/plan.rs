@@ -3,7 +3,7 @@
 use super::args::ExperimentArgs;
 use super::console::print;
 use super::exit::Outcome;
-use super::experiment::experiment;
+use super::experiment::{experiment, refused};
 use super::program::Program;
 use crate::plan::{Cut, Plan, Shard, Sharding};
 use crate::report::{Format, render};
@@ -27,9 +27,12 @@ pub struct PlanArgs {
     /// List the trackers, too
     #[arg(long, help_heading = "Plan")]
     pub list: bool,
+    /// List the combinations that cannot work, with the reason of each, and nothing else
+    #[arg(long, help_heading = "Plan", conflicts_with_all = ["measure", "shards", "list"])]
+    pub refused: bool,
     /// Form of the totals, and of the shards (--shards) and trackers (--list) below them
     ///
-    /// json: one object with the same under `shards` and `list`, on one line; --pretty indents it.
+    /// json: one object with the same under `shards` and `list` (an array with --refused), on one line; --pretty indents it.
     #[arg(long, value_name = "FORMAT", default_value = "table", help_heading = "Plan")]
     pub format: Format,
 }
@@ -55,6 +58,19 @@ struct Part {
 /// # Errors
 /// Wrong arguments or experiment file, unusable data, nothing selected.
 pub fn run(args: &PlanArgs, program: &Program) -> Outcome {
+    if args.refused {
+        let refused = refused(&args.experiment, program)?;
+        if args.format == Format::Json {
+            let one = |(id, reason)| json!({"combination": id, "reason": reason});
+            let all: Value = refused.into_iter().map(one).collect();
+            print(&format!("{all:#}\n"))?;
+            return Ok(ExitCode::SUCCESS);
+        }
+        let rows: Vec<Vec<String>> = refused.into_iter().map(|(id, why)| vec![id, why]).collect();
+        let header = ["combination", "reason"];
+        print(&render(&header, &rows, args.format, program.console.table_colour))?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let request = experiment(&args.experiment, Vec::new(), program)?;
     let plan = request.plan()?;
     let cost = match args.measure {

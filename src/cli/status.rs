@@ -1,9 +1,11 @@
 //! `mtf-eval status`: how far run directories are.
 
-use super::console::{print, print_data_line};
+use super::args::TableArgs;
+use super::console::{clock, print, print_data_line};
 use super::exit::{self, Failure, Outcome};
 use super::program::Program;
-use crate::report::{Format, render};
+use crate::report::{Format, render, table};
+use crate::run::{SoFar, pool, so_far};
 use crate::store::status::{Activity, Status, status};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -17,9 +19,12 @@ pub struct StatusArgs {
     /// How many missing and failed units (one tracker on one sequence from one start) to name
     #[arg(long, value_name = "N", default_value = "0")]
     pub show: usize,
-    /// Form of the result: a row per directory; json: an array of objects (one line; --pretty indents it)
-    #[arg(long, value_name = "FORMAT", default_value = "table")]
-    pub format: Format,
+    /// Print the results so far instead, of a run that goes on, was stopped or has ended (of one directory)
+    #[arg(long)]
+    pub table: bool,
+    /// How to print.
+    #[command(flatten)]
+    pub form: TableArgs,
 }
 
 /// Runs the command.
@@ -28,6 +33,10 @@ pub struct StatusArgs {
 /// A directory that is no run directory, or cannot be read.
 pub fn run(args: &StatusArgs, program: &Program) -> Outcome {
     let console = &program.console;
+    if args.table {
+        return results_so_far(args, program);
+    }
+    let format = args.form.format;
     let all: Vec<(String, Status)> = args
         .dirs
         .iter()
@@ -47,7 +56,7 @@ pub fn run(args: &StatusArgs, program: &Program) -> Outcome {
         "last unit",
     ];
     let rows: Vec<Vec<String>> = all.iter().map(|(dir, s)| row(dir, s)).collect();
-    match args.format {
+    match format {
         Format::Json => {
             let value = |(dir, s): &(String, Status)| {
                 let mut value = serde_json::to_value(s).map_err(Failure::usage)?;
@@ -61,7 +70,7 @@ pub fn run(args: &StatusArgs, program: &Program) -> Outcome {
     }
     for (dir, s) in &all {
         let line = s.data.line().map(|line| format!("{dir}: {line}"));
-        print_data_line(line.as_deref(), args.format, console)?;
+        print_data_line(line.as_deref(), format, console)?;
         for path in &s.altered {
             console.error(&format!(
                 "{}: not as the run wrote it; run its command again to make it anew",
@@ -100,6 +109,42 @@ pub fn run(args: &StatusArgs, program: &Program) -> Outcome {
     ))
 }
 
+/// Prints the table of what has ended, and how much of the run that is.
+fn results_so_far(args: &StatusArgs, program: &Program) -> Outcome {
+    let (metrics, console) = (&program.catalogue.metrics, &program.console);
+    let [dir] = &args.dirs[..] else {
+        return Err(Failure::usage("--table takes one run directory"));
+    };
+    let options = args.form.options(metrics, console)?;
+    let pool = pool(0, &|text| console.warn(text))?;
+    let so_far = so_far(dir, metrics, &pool)?;
+    print(&table(&so_far.results, &so_far.speeds, &options))?;
+    print_data_line(Some(&extent(&so_far)), options.format, console)?;
+    Ok(ExitCode::from(match so_far.ended < so_far.units {
+        true => exit::INCOMPLETE,
+        false if so_far.results.failed_runs() > 0 => exit::FAILED,
+        false => 0,
+    }))
+}
+
+/// How much of a run is in its table.
+fn extent(so_far: &SoFar) -> String {
+    let SoFar {
+        units,
+        ended,
+        trackers,
+        whole_trackers,
+        ..
+    } = so_far;
+    match ended < units {
+        true => format!(
+            "partial: {ended} of {units} units are in it, all units of {whole_trackers} of {trackers} trackers; ranks may \
+             change"
+        ),
+        false => format!("complete: all {units} units are in it"),
+    }
+}
+
 fn row(dir: &str, s: &Status) -> Vec<String> {
     let state = match (s.activity, s.missing) {
         (Activity::Running, _) => "running",
@@ -122,14 +167,4 @@ fn row(dir: &str, s: &Status) -> Vec<String> {
         s.left_seconds.map_or(String::new(), clock),
         s.last.clone().unwrap_or_default(),
     ]
-}
-
-/// Hours, minutes and seconds.
-fn clock(seconds: f64) -> String {
-    let s = seconds.round() as u64;
-    match s {
-        3600.. => format!("{} h {:02} min", s / 3600, s % 3600 / 60),
-        60.. => format!("{} min {:02} s", s / 60, s % 60),
-        _ => format!("{s} s"),
-    }
 }

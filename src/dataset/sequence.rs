@@ -147,6 +147,7 @@ impl Sequence {
             name: name.to_owned(),
             format: "",
             folder: folder.clone(),
+            movie: None,
             contents: vec![Default::default(); frames.len()],
             frames,
             truth_digest,
@@ -284,6 +285,10 @@ impl Sequence {
     /// File of frame `i`; panics when `i >= len()`.
     pub(super) fn frame(&self, i: usize) -> &File {
         &self.whole.frames[self.index(i)]
+    }
+    /// Whether its frames are pictures in one file.
+    pub(super) fn is_film(&self) -> bool {
+        self.whole.movie.is_some()
     }
     /// Files of all frames of the whole sequence.
     pub(super) fn all_frames(&self) -> Vec<&File> {

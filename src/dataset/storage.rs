@@ -307,6 +307,7 @@ impl Folder {
             path: self.path.join(&name),
             name,
             is: Entry::File,
+            picture: None,
         }
     }
 

@@ -24,6 +24,7 @@ use serde::Serialize;
 use serde_json::Value;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 /// An image to warp.
 #[derive(Clone, Debug)]
@@ -68,6 +69,17 @@ pub struct BasinRequest {
 }
 
 impl BasinRequest {
+    /// How often a tracker is started: trackers x images x sigmas x warps.
+    pub fn starts(&self) -> u64 {
+        let counts = [
+            self.trackers.len(),
+            self.textures.len(),
+            self.sigmas.len(),
+            self.trials,
+        ];
+        counts.iter().map(|&n| n as u64).product()
+    }
+
     /// Mean corner distance of a converged tracker unless told otherwise, px: that of Baker & Matthews.
     pub const THRESHOLD: f64 = 1.0;
 
@@ -361,16 +373,8 @@ impl Subject<'_> {
     }
 }
 
-/// Runs the experiment: rows by tracker, then image (all of them pooled last), then sigma. The same for any number of
-/// threads. `progress` is told the share that is done.
-///
-/// # Errors
-/// See [`BasinError`].
-pub fn run(
-    request: &BasinRequest,
-    stop: &AtomicBool,
-    progress: &(dyn Fn(f64) + Sync),
-) -> Result<Vec<BasinRow>, BasinError> {
+/// What is there before the first start: the experiment makes sense, and each tracker has its warps.
+fn prepared(request: &BasinRequest) -> Result<Vec<Warps>, BasinError> {
     for (empty, what) in [
         (request.trackers.is_empty(), "tracker"),
         (request.textures.is_empty(), "image"),
@@ -382,23 +386,33 @@ pub fn run(
             return Err(BasinError::Nothing(what));
         }
     }
-    let warps: Vec<Warps> = request
-        .trackers
-        .iter()
-        .map(|(entry, model)| {
-            Warps::new(model.as_ref()).map_err(|reason| BasinError::Start {
-                tracker: entry.name.id.clone(),
-                texture: request.textures[0].name.clone(),
-                reason,
-            })
+    let warps = request.trackers.iter().map(|(entry, model)| {
+        Warps::new(model.as_ref()).map_err(|reason| BasinError::Start {
+            tracker: entry.name.id.clone(),
+            texture: request.textures[0].name.clone(),
+            reason,
         })
-        .collect::<Result<_, _>>()?;
+    });
+    warps.collect()
+}
+
+/// The kinds of warps that trackers are perturbed by, each once.
+fn kinds(warps: &[Warps]) -> Vec<&Warps> {
     let mut kinds: Vec<&Warps> = warps.iter().collect();
     kinds.sort_by_key(|w| w.name);
     kinds.dedup_by_key(|w| w.name);
-    let mut rows: Vec<BasinRow> = Vec::new();
-    let steps = (request.textures.len() * request.sigmas.len()) as f64;
-    for (t, texture) in request.textures.iter().enumerate() {
+    kinds
+}
+
+/// An image with the box that trackers start on.
+struct Scene<'a> {
+    texture: &'a Texture,
+    first: Frame,
+    base: Corners,
+}
+
+impl<'a> Scene<'a> {
+    fn new(request: &BasinRequest, texture: &'a Texture) -> Result<Scene<'a>, BasinError> {
         let (w, h) = (texture.image.width(), texture.image.height());
         if w.min(h) < LEAST {
             return Err(BasinError::Small {
@@ -409,46 +423,136 @@ pub fn run(
         }
         let side = request.side.min(0.6 * w.min(h) as f64);
         let corner = |n: usize| ((n as f64 - 1.0) - side) / 2.0;
-        let base = Corners::rect(corner(w), corner(h), side, side);
-        let first = Frame::from_gray(request.pre.apply(texture.image.clone()));
+        Ok(Scene {
+            texture,
+            first: Frame::from_gray(request.pre.apply(texture.image.clone())),
+            base: Corners::rect(corner(w), corner(h), side, side),
+        })
+    }
+
+    /// A tracker that has started on the box.
+    fn subject<'s>(
+        &self,
+        request: &BasinRequest,
+        entry: &'s TrackerEntry,
+        warps: &'s Warps,
+    ) -> Result<Subject<'s>, BasinError> {
+        let name = &self.texture.name;
+        let start = |reason: String| BasinError::Start {
+            tracker: entry.name.id.clone(),
+            texture: name.clone(),
+            reason,
+        };
+        let mut tracker = (entry.make)(Job {
+            sequence: None,
+            start: 0,
+        })
+        .map_err(start)?;
+        tracker.reseed(derived_seed(request.seed, &[&entry.name.id, name], None));
+        afford(tracker.as_ref(), RunRequest::MEMORY).map_err(|e| start(e.to_string()))?;
+        tracker
+            .init(&self.first, &self.base)
+            .map_err(|e| start(e.to_string()))?;
+        Ok(Subject {
+            entry,
+            warps,
+            threshold: request.threshold,
+            tracker,
+            row: no_trials(entry, warps, name, 0.0),
+        })
+    }
+
+    /// The corners that `warps` move the box to, `count` times. The same noise for all kinds.
+    fn truths(&self, request: &BasinRequest, warps: &Warps, sigma: f64, count: usize) -> Vec<Corners> {
+        let names = ["warps", &self.texture.name, &sigma.to_string()];
+        let mut rng = Pcg64::seed_from_u64(derived_seed(request.seed, &names, None));
+        (0..count)
+            .map(|_| warps.perturbed(&self.base, sigma, &mut rng))
+            .collect()
+    }
+
+    /// The image with its box moved to `truth`.
+    fn view(&self, request: &BasinRequest, truth: &Corners) -> Option<(Frame, Corners)> {
+        let to_source = homography::from_corners(truth, &self.base)?;
+        let image = request.pre.apply(warped(&self.texture.image, &to_source));
+        Some((Frame::from_gray(image), *truth))
+    }
+}
+
+/// Starts of each tracker that are timed before the experiment.
+const PROBED: usize = 2;
+
+/// About how long the experiment will take on the threads of this pool, s: from a few starts of each tracker on the first
+/// image, in the middle of the sigmas.
+///
+/// # Errors
+/// See [`BasinError`].
+pub fn probe(request: &BasinRequest, stop: &AtomicBool) -> Result<f64, BasinError> {
+    let warps = prepared(request)?;
+    let scene = Scene::new(request, &request.textures[0])?;
+    let sigma = request.sigmas[request.sigmas.len() / 2];
+    let starts = (request.textures.len() * request.sigmas.len() * request.trials) as f64;
+    let threads = rayon::current_num_threads() as f64;
+    let mut seconds = 0.0;
+    for kind in kinds(&warps) {
+        let begin = Instant::now();
+        let truths = scene.truths(request, kind, sigma, PROBED.min(request.trials));
+        let views: Vec<_> = truths.iter().filter_map(|t| scene.view(request, t)).collect();
+        let drawing = begin.elapsed().as_secs_f64() / truths.len() as f64;
+        let trackers = request.trackers.iter().zip(&warps);
+        let own: Vec<_> = trackers.filter(|(_, warps)| warps.name == kind.name).collect();
+        let time = |((entry, _), warps): &(&(TrackerEntry, Option<SsmEntry>), &Warps)| {
+            if stop.load(Ordering::Relaxed) {
+                return Err(BasinError::Stopped);
+            }
+            let begin = Instant::now();
+            let mut subject = scene.subject(request, entry, warps)?;
+            let start = begin.elapsed().as_secs_f64();
+            for (frame, truth) in &views {
+                subject.trial(&scene.first, &scene.base, frame, truth, request.updates);
+            }
+            let trials = begin.elapsed().as_secs_f64() - start;
+            Ok((start, trials / views.len().max(1) as f64))
+        };
+        let times: Vec<(f64, f64)> = own
+            .par_iter()
+            .with_max_len(1)
+            .map(time)
+            .collect::<Result<_, _>>()?;
+        // Trackers share the threads, and all wait for the slowest.
+        let shared = |of: fn(&(f64, f64)) -> f64| {
+            let each = times.iter().map(of);
+            (each.clone().sum::<f64>() / threads).max(each.fold(0.0, f64::max))
+        };
+        let beginning = request.textures.len() as f64 * shared(|t| t.0);
+        seconds += beginning + starts * (shared(|t| t.1) + drawing / threads);
+    }
+    Ok(seconds)
+}
+
+/// Runs the experiment: rows by tracker, then image (all of them pooled last), then sigma. The same for any number of
+/// threads. `progress` is told how many of the [starts](BasinRequest::starts) are done since it was last told.
+///
+/// # Errors
+/// See [`BasinError`].
+pub fn run(
+    request: &BasinRequest,
+    stop: &AtomicBool,
+    progress: &(dyn Fn(u64) + Sync),
+) -> Result<Vec<BasinRow>, BasinError> {
+    let warps = prepared(request)?;
+    let mut rows: Vec<BasinRow> = Vec::new();
+    for texture in &request.textures {
+        let scene = Scene::new(request, texture)?;
         let mut subjects: Vec<Subject<'_>> = request
             .trackers
             .par_iter()
             .zip(&warps)
-            .map(|((entry, _), warps)| {
-                let start = |reason: String| BasinError::Start {
-                    tracker: entry.name.id.clone(),
-                    texture: texture.name.clone(),
-                    reason,
-                };
-                let mut tracker = (entry.make)(Job {
-                    sequence: None,
-                    start: 0,
-                })
-                .map_err(start)?;
-                tracker.reseed(derived_seed(request.seed, &[&entry.name.id, &texture.name], None));
-                afford(tracker.as_ref(), RunRequest::MEMORY).map_err(|e| start(e.to_string()))?;
-                tracker.init(&first, &base).map_err(|e| start(e.to_string()))?;
-                Ok(Subject {
-                    entry,
-                    warps,
-                    threshold: request.threshold,
-                    tracker,
-                    row: no_trials(entry, warps, &texture.name, 0.0),
-                })
-            })
+            .map(|((entry, _), warps)| scene.subject(request, entry, warps))
             .collect::<Result<_, BasinError>>()?;
-        for (s, &sigma) in request.sigmas.iter().enumerate() {
-            for kind in &kinds {
-                // The same noise for all kinds.
-                let mut rng = Pcg64::seed_from_u64(derived_seed(
-                    request.seed,
-                    &["warps", &texture.name, &sigma.to_string()],
-                    None,
-                ));
-                let truths: Vec<Corners> = (0..request.trials)
-                    .map(|_| kind.perturbed(&base, sigma, &mut rng))
-                    .collect();
+        for &sigma in &request.sigmas {
+            for kind in kinds(&warps) {
+                let truths = scene.truths(request, kind, sigma, request.trials);
                 let mut own: Vec<&mut Subject<'_>> = subjects
                     .iter_mut()
                     .filter(|s| s.warps.name == kind.name)
@@ -459,16 +563,13 @@ pub fn run(
                     }
                     let views: Vec<(Frame, Corners)> = batch
                         .par_iter()
-                        .filter_map(|truth| {
-                            let to_source = homography::from_corners(truth, &base)?;
-                            let image = request.pre.apply(warped(&texture.image, &to_source));
-                            Some((Frame::from_gray(image), *truth))
-                        })
+                        .filter_map(|truth| scene.view(request, truth))
                         .collect();
                     own.par_iter_mut().with_max_len(1).for_each(|subject| {
                         for (frame, truth) in &views {
-                            subject.trial(&first, &base, frame, truth, request.updates);
+                            subject.trial(&scene.first, &scene.base, frame, truth, request.updates);
                         }
+                        progress(batch.len() as u64);
                     });
                 }
             }
@@ -478,7 +579,6 @@ pub fn run(
                 row.sigma = sigma;
                 rows.push(row);
             }
-            progress((t * request.sigmas.len() + s + 1) as f64 / steps);
         }
     }
     Ok(ordered(request, &warps, rows))
@@ -539,6 +639,23 @@ fn ordered(request: &BasinRequest, warps: &[Warps], rows: Vec<BasinRow>) -> Vec<
 mod tests {
     use super::*;
     use mtf::diagnose::Waves;
+    use std::sync::atomic::AtomicU64;
+
+    #[test]
+    fn the_cost_is_known_before_and_every_start_is_told() {
+        let request = request(&["esm/ssd/translation", "iclk/ssd/affine"]);
+        assert_eq!(request.starts(), 2 * 2 * 2 * 12);
+        let (stop, told) = (AtomicBool::new(false), AtomicU64::new(0));
+        let seconds = probe(&request, &stop).unwrap();
+        assert!(seconds > 0.0 && seconds.is_finite());
+        let tell = |n: u64| {
+            told.fetch_add(n, Ordering::Relaxed);
+        };
+        run(&request, &stop, &tell).unwrap();
+        assert_eq!(told.into_inner(), request.starts());
+        stop.store(true, Ordering::Relaxed);
+        assert!(matches!(probe(&request, &stop), Err(BasinError::Stopped)));
+    }
 
     fn request(trackers: &[&str]) -> BasinRequest {
         let registry = Arc::new(Registry::builtin());

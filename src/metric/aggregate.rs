@@ -145,12 +145,10 @@ pub struct SummaryRow {
     pub score: Score,
 }
 
-/// A success curve at the [thresholds](Metric::thresholds) of its metric. Serialised without the tracker, under which
-/// files nest it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// A success curve at the [thresholds](Metric::thresholds) of its metric.
+#[derive(Clone, Debug, PartialEq)]
 pub struct CurveRow {
     /// Who tracked.
-    #[serde(skip)]
     pub tracker: TrackerName,
     /// Data set; `all` in the pooled curve.
     pub dataset: String,

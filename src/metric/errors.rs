@@ -86,6 +86,11 @@ impl Errors {
         }
     }
 
+    /// What they are of.
+    pub fn metrics(&self) -> &MetricSet {
+        &self.metrics
+    }
+
     /// The list of metric number `index`.
     pub fn list(&self, index: usize) -> &[f64] {
         &self.lists[index]

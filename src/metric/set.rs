@@ -9,6 +9,10 @@ use std::sync::Arc;
 /// Points of a success curve: 0 and 100 steps.
 pub const CURVE_POINTS: usize = 101;
 
+/// The steps whose points of a success curve are kept in files: for the alignment error 0.2, 0.4, 0.6, 1, 2, 3, 4, 5, 10, 15
+/// and 20 px. Curves bend near 0, and all points together would be most of a run directory.
+pub const KEPT_STEPS: [usize; 11] = [1, 2, 3, 5, 10, 15, 20, 25, 50, 75, 100];
+
 /// A metric: what it is called, what its values mean and how they are computed. A program may add its own to a
 /// [`MetricSet`].
 #[derive(Clone, Copy, Debug)]

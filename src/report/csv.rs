@@ -1,8 +1,9 @@
 //! The three CSV files of a run directory.
 
 use super::text;
-use crate::metric::aggregate::{Results, SummaryRow, TrackerName};
+use crate::metric::aggregate::{CurveRow, Results, SummaryRow, TrackerName};
 use crate::metric::figure::Kind;
+use crate::metric::set::KEPT_STEPS;
 use crate::metric::{MetricSet, Score};
 use crate::report::{About, Exporter};
 use std::io::{self, Write};
@@ -91,7 +92,7 @@ impl Exporter for SummaryCsv {
     }
 }
 
-/// `curves.csv`: a row per point of each curve.
+/// `curves.csv`: a row per kept point of each curve.
 pub(super) struct CurvesCsv;
 
 impl Exporter for CurvesCsv {
@@ -104,7 +105,7 @@ impl Exporter for CurvesCsv {
     }
 
     fn write(&self, results: &Results, about: &About, out: &mut dyn Write) -> io::Result<()> {
-        curves(out, results, about.sequence_curves)
+        curves(out, results, about.all_curves)
     }
 }
 
@@ -155,7 +156,7 @@ pub(super) fn summary<'a>(
     write_rows(out, header.chain(score_columns(metrics)), rows)
 }
 
-fn curves(out: &mut dyn Write, results: &Results, of_sequences: bool) -> io::Result<()> {
+fn curves(out: &mut dyn Write, results: &Results, all: bool) -> io::Result<()> {
     let header = [
         "tracker",
         "dataset",
@@ -165,9 +166,14 @@ fn curves(out: &mut dyn Write, results: &Results, of_sequences: bool) -> io::Res
         "success_rate",
         "protocol",
     ];
-    let curves = results.curves.iter().filter(|c| of_sequences || c.is_pooled());
+    let primary = results.metrics.primary();
+    let kept = |c: &&CurveRow| all || (c.is_pooled() && c.metric == *primary);
+    let curves = results.curves.iter().filter(kept);
     let rows = curves.flat_map(|c| {
-        c.success_rate.iter().enumerate().map(move |(k, rate)| {
+        let points = KEPT_STEPS
+            .iter()
+            .filter_map(|&k| Some((k, c.success_rate.get(k)?)));
+        points.map(move |(k, rate)| {
             let (t, metric) = (c.metric.threshold(k), c.metric.name);
             [
                 c.tracker.id.as_str(),
@@ -216,12 +222,12 @@ mod tests {
         nn/mi/affine,nn,mi,affine,,builtin,wall,0,ope,failed,2,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,0.000000,20.000000,inf,,20.000000,inf,20.000000,inf,1.000000,1.000000,,,2,,panicked at frame 1,
         ");
         let curves = text(&CurvesCsv);
-        assert_eq!(curves.lines().count(), 1 + 101 * (3 * 4 + 5));
+        assert_eq!(curves.lines().count(), 1 + 11 * (3 * 4 + 5));
         insta::assert_snapshot!(curves.lines().take(4).collect::<Vec<_>>().join("\n"), @"
         tracker,dataset,sequence,metric,threshold,success_rate,protocol
-        esm/ssd/homography,all,pooled,al,0.00,0.333333,ope
         esm/ssd/homography,all,pooled,al,0.20,0.500000,ope
         esm/ssd/homography,all,pooled,al,0.40,0.666667,ope
+        esm/ssd/homography,all,pooled,al,0.60,0.833333,ope
         ");
     }
 }

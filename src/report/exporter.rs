@@ -32,8 +32,8 @@ pub struct About {
     pub title: String,
     /// Checksum of what the results were made from; see [`ended_as`](crate::store::held::ended_as).
     pub made_from: String,
-    /// Whether the files hold the curves of single sequences (100 points each) besides the pooled ones.
-    pub sequence_curves: bool,
+    /// Whether the files hold the curves of single sequences and of all metrics, besides the pooled one of the primary metric.
+    pub all_curves: bool,
 }
 
 impl Default for About {
@@ -41,7 +41,7 @@ impl Default for About {
         About {
             title: "Success rate".to_owned(),
             made_from: String::new(),
-            sequence_curves: true,
+            all_curves: true,
         }
     }
 }
@@ -156,18 +156,18 @@ mod tests {
     }
 
     #[test]
-    fn pooled_curves_only() {
+    fn a_curve_per_tracker_only() {
         let dir = tempfile::tempdir().unwrap();
         let about = About {
-            sequence_curves: false,
+            all_curves: false,
             ..About::default()
         };
         let results = example::results();
         write(dir.path(), &results, &about).unwrap();
         let curves = std::fs::read_to_string(dir.path().join("curves.csv")).unwrap();
-        assert_eq!(curves.lines().count(), 1 + 101 * 3 * 4);
+        assert_eq!(curves.lines().count(), 1 + 11 * 3);
         let read = summary::read(dir.path(), &results.metrics).unwrap();
-        assert_eq!(read.results.curves.len(), 3 * 4);
+        assert_eq!(read.results.curves.len(), 0);
     }
 
     struct Named(&'static str);

@@ -14,14 +14,13 @@ impl Exporter for SummaryJson {
     }
 
     fn summary(&self) -> &str {
-        "all figures and curves, nested by tracker"
+        "all figures, nested by tracker"
     }
 
     fn write(&self, results: &Results, about: &About, out: &mut dyn Write) -> io::Result<()> {
         let heading = Heading {
             title: &about.title,
             made_from: &about.made_from,
-            sequence_curves: about.sequence_curves,
         };
         summary::write(out, results, heading)
     }

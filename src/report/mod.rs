@@ -1,10 +1,11 @@
-//! What a run leaves behind and prints: CSV, JSON, the success plot and tables; the gate's findings as JUnit XML and for GitLab; speeds as
-//! bars. Depends on `metric`, `judge`, `measure` and `store`.
+//! What a run leaves behind and prints: CSV, JSON, the success plot and tables; the gate's findings as JUnit XML and for
+//! GitLab; speeds as bars; basins of convergence as curves. Depends on `metric`, `judge`, `measure` and `store`.
 //!
 //! [`EXPORTERS`] is the table of the files that a run leaves behind. Every file is written under a temporary name, synced
 //! and renamed; the same results give the same bytes.
 
 mod bars;
+mod basin;
 mod code_quality;
 mod csv;
 mod exporter;
@@ -18,6 +19,7 @@ mod table;
 pub mod text;
 
 pub use bars::bars_svg;
+pub use basin::basin_svg;
 pub use code_quality::code_quality;
 pub use exporter::{About, EXPORTERS, Exporter, ExporterError, Exporters};
 pub use field::field_table;

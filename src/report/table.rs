@@ -13,7 +13,7 @@ pub enum Format {
     /// Aligned columns for people.
     #[default]
     Table,
-    /// The document of `summary.json` without curves.
+    /// The document of `summary.json`.
     Json,
     /// The rows of `summary.csv`.
     Csv,

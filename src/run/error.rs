@@ -2,6 +2,7 @@
 
 use crate::plan::PlanError;
 use crate::store::{FileError, StoreError};
+use std::path::PathBuf;
 
 /// Why a run could not be made, or did not get to its end.
 #[derive(Debug, thiserror::Error)]
@@ -15,9 +16,12 @@ pub enum RunError {
     Store(#[from] StoreError),
     /// Asked to stop by a signal; what was finished is kept.
     #[error(
-        "stopped: {done} of {total} units (one tracker on one sequence each) done, nothing lost, run the same command again to go on"
+        "stopped: {done} of {total} units (one tracker on one sequence each) done and kept, nothing lost; go on with the same command and --out {}",
+        path.display()
     )]
     Interrupted {
+        /// The run directory.
+        path: PathBuf,
         /// Units with a result.
         done: usize,
         /// Units requested.

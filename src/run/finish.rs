@@ -21,11 +21,10 @@ use crate::store::rundir::{Recorded, RunDir, digest};
 use crate::store::truth::{self, KeptTruth};
 use rayon::prelude::*;
 use serde_json::{Map, Value};
-use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-/// Most units of a run whose files hold the success curve of each sequence (100 lines each).
-const CURVE_UNITS: usize = 20_000;
+/// Most units of a run whose files hold the success curves of each sequence and metric.
+const CURVE_UNITS: usize = 1000;
 
 /// All there is to make results from.
 pub(crate) struct ResultSource<'a> {
@@ -33,48 +32,70 @@ pub(crate) struct ResultSource<'a> {
     pub plan: &'a Plan,
     pub keys: &'a UnitKeys,
     pub metrics: &'a MetricSet,
-    pub exporters: &'a Exporters,
     pub truth: &'a [KeptTruth],
     pub journal: &'a Journal,
+}
+
+/// What becomes of units that have no result on disk that can be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Lacking {
+    /// There should be none.
+    Error,
+    /// They are left out.
+    LeftOut,
 }
 
 /// Units without a result: what they are, and why.
 pub type Failed = Vec<(String, String)>;
 
-/// What units that have ended give together.
-pub(crate) struct Collected {
+/// What is made from units that have ended.
+pub(crate) struct Gathered {
     pub results: Results,
+    /// Of [`Endings`].
+    made_from: String,
     pub times: Vec<(Unit, UnitTime)>,
-    pub failed: Failed,
-    /// See [`ended_as`](crate::store::held::ended_as).
-    pub made_from: String,
+    failed: Failed,
+}
+
+impl Gathered {
+    /// Units that it is made from.
+    pub fn units(&self) -> usize {
+        self.times.len() + self.failed.len()
+    }
+
+    /// The speed of each tracker.
+    pub fn speeds(&self, plan: &Plan) -> Speeds {
+        speeds(plan, &self.times)
+    }
 }
 
 impl ResultSource<'_> {
     /// Writes `timing.csv` and the result files of `units`, which are in the order of the plan.
     pub fn finish(
         &self,
+        exporters: &Exporters,
         units: &[Unit],
         pool: &rayon::ThreadPool,
     ) -> Result<(Results, Speeds, Failed), RunError> {
-        let Collected {
-            results,
-            times,
-            failed,
-            made_from,
-        } = self.collect(units, pool)?;
-        write_timing(self.dir, self.plan, &times)?;
+        let all = self.gather(units, pool, Lacking::Error)?;
+        write_timing(self.dir, self.plan, &all.times)?;
         let about = About {
-            sequence_curves: units.len() <= CURVE_UNITS,
-            made_from,
+            all_curves: units.len() <= CURVE_UNITS,
+            made_from: all.made_from.clone(),
             ..About::default()
         };
-        self.exporters.write(self.dir.path(), &results, &about)?;
-        Ok((results, speeds(self.plan, &times), failed))
+        exporters.write(self.dir.path(), &all.results, &about)?;
+        let speeds = all.speeds(self.plan);
+        Ok((all.results, speeds, all.failed))
     }
 
-    /// Reads what `units`, which have ended and are in the order of the plan, left on disk.
-    pub fn collect(&self, units: &[Unit], pool: &rayon::ThreadPool) -> Result<Collected, RunError> {
+    /// Aggregates `units`, which are in the order of the plan.
+    pub fn gather(
+        &self,
+        units: &[Unit],
+        pool: &rayon::ThreadPool,
+        lacking: Lacking,
+    ) -> Result<Gathered, RunError> {
         // A tracker at a time, so that the errors of all frames of all trackers are never in memory together.
         let trackers: Vec<&[Unit]> = units.chunk_by(|a, b| a.tracker == b.tracker).collect();
         let parts: Vec<(Vec<u64>, Vec<(Unit, UnitTime)>, Failed, Results)> = pool.install(|| {
@@ -82,7 +103,10 @@ impl ResultSource<'_> {
                 let (mut endings, mut times, mut failed) = (Vec::new(), Vec::new(), Vec::new());
                 let mut loaded: Vec<(&Unit, UnitResult)> = Vec::new();
                 for unit in *units {
-                    let (ending, entry, result) = self.load(unit)?;
+                    let (ending, entry, result) = match self.load(unit) {
+                        Err(_) if lacking == Lacking::LeftOut => continue,
+                        other => other?,
+                    };
                     endings.push(ending);
                     match entry.reason {
                         Some(reason) => failed.push((self.plan.describe(unit), reason)),
@@ -116,11 +140,11 @@ impl ResultSource<'_> {
         }
         let tagged = self.plan.sequences.iter().filter(|s| !s.tags.is_empty());
         results.tags = tagged.map(|s| (s.id(), s.tags.clone())).collect();
-        Ok(Collected {
+        Ok(Gathered {
             results,
+            made_from: made_from.finish(),
             times,
             failed,
-            made_from: made_from.finish(),
         })
     }
 
@@ -183,7 +207,7 @@ pub(crate) fn host(threads: usize) -> Map<String, Value> {
     host
 }
 
-/// Writes `run.json`, `truth.csv` and the `tracker.json` of each tracker of `units`; returns what `run.json` says.
+/// Writes `run.json`, `truth.csv` and, beside frame logs, the `tracker.json` of each tracker of `units`; returns what `run.json` says.
 pub(crate) fn describe(
     dir: &RunDir,
     plan: &Plan,
@@ -191,7 +215,7 @@ pub(crate) fn describe(
     truth: &[KeptTruth],
     host: Map<String, Value>,
 ) -> Result<Recorded, StoreError> {
-    for tracker in units.iter().map(|unit| unit.tracker).collect::<BTreeSet<_>>() {
+    for tracker in dir.described_trackers(plan, units) {
         let (path, bytes) = dir.tracker_file(&plan.trackers[tracker as usize]);
         // Written again by the next run if a loss of power damages it.
         dir.put(&path, &bytes, Durable::Later)?;

@@ -252,11 +252,10 @@ pub fn merge(request: &MergeRequest, observer: &dyn Observer) -> Result<Merged, 
         plan: &plan,
         keys: &keys,
         metrics: &request.metrics,
-        exporters: &request.exporters,
         truth: &truth,
         journal: &journal,
     };
-    let (results, speeds, failed) = source.finish(&units, &pool)?;
+    let (results, speeds, failed) = source.finish(&request.exporters, &units, &pool)?;
     finish::seal(&dir, recorded, &request.exporters)?;
     drop(dir);
     if let Some(aside) = &aside {

@@ -14,7 +14,7 @@ mod so_far;
 mod watch;
 
 pub use error::RunError;
-pub use observer::{Observer, Silent};
+pub use observer::{Observer, Silent, Work};
 pub use pool::pool;
 pub use runner::{RunReport, run};
 pub use so_far::{SoFar, so_far};

@@ -26,6 +26,12 @@ impl Spent {
         result
     }
 
+    /// Time of reading and filtering relative to that of tracking.
+    pub fn reading_share(&self) -> f64 {
+        let seconds = |a: Activity| self.0[a as usize].load(Ordering::Relaxed) as f64;
+        (seconds(Activity::Reading) + seconds(Activity::Filtering)) / seconds(Activity::Tracking).max(1.0)
+    }
+
     /// The account of a run that took `wall` seconds on `threads` threads.
     pub fn profile(&self, wall: f64, threads: usize) -> Profile {
         let seconds = |a: Activity| self.0[a as usize].load(Ordering::Relaxed) as f64 * 1e-9;
@@ -98,5 +104,6 @@ mod tests {
         let spent = Spent::default();
         assert_eq!(spent.on(Activity::Tracking, || 7), 7);
         assert_eq!(spent.profile(1.0, 1).reading, 0.0);
+        assert_eq!(spent.reading_share(), 0.0);
     }
 }

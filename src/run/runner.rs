@@ -1,11 +1,11 @@
 //! A run from request to result files: lock, plan, resume, track, aggregate.
 
 use crate::metric::Results;
-use crate::plan::{DataNotes, Plan, RunRequest, Sharding, Unit, UnitKeys};
+use crate::plan::{DataNotes, Plan, RunRequest, Sharding, Unit, UnitKeys, spread};
 use crate::report::Exporters;
 use crate::run::error::RunError;
 use crate::run::finish::{self, ResultSource};
-use crate::run::observer::Observer;
+use crate::run::observer::{Observer, Work};
 use crate::run::pool::pool;
 use crate::run::profile::{Profile, Spent};
 use crate::run::schedule::{Context, Pace, groups, groups_at_once, run_units};
@@ -133,12 +133,16 @@ pub fn run(
     let resumed = units.len() - pending.len();
     let mut profile = None;
     if !pending.is_empty() {
-        pending.sort_by_key(|unit| (unit.sequence, unit.tracker, unit.course, unit.start));
-        observer.begin(
-            units.len(),
-            pending.len(),
-            pending.iter().map(|unit| plan.unit_frames(unit)).sum(),
-        );
+        // Trackers of all kinds from the first: what is done says what the rest costs.
+        pending.sort_by_key(|unit| {
+            let tracker = spread(u64::from(unit.tracker));
+            (unit.sequence, tracker, unit.course, unit.start)
+        });
+        observer.begin(&Work {
+            plan,
+            units: units.len(),
+            pending: &pending,
+        });
         let groups: Vec<&[Unit]> = pending
             .chunk_by(|a, b| a.sequence == b.sequence)
             .flat_map(|units| groups(units, threads))
@@ -198,6 +202,7 @@ pub fn run(
     });
     if stop.load(Ordering::Relaxed) && ended < units.len() {
         return Err(RunError::Interrupted {
+            path: dir.path().to_path_buf(),
             done,
             total: units.len(),
         });
@@ -207,11 +212,10 @@ pub fn run(
         plan,
         keys: &keys,
         metrics: &request.metrics,
-        exporters,
         truth: &truth,
         journal: &journal,
     };
-    let (results, speeds, failed) = source.finish(&units, &pool)?;
+    let (results, speeds, failed) = source.finish(exporters, &units, &pool)?;
     finish::seal(&dir, recorded, exporters)?;
     Ok(RunReport {
         path: dir.path().to_path_buf(),

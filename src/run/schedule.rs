@@ -28,13 +28,20 @@ use mtf::tracker::{Tracker, afford};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
-/// Most units that go through a sequence together: enough that decoding is little beside tracking.
+/// Most units that go through a sequence together.
 const GROUP: usize = 256;
+/// Units per thread that go through a sequence together where its frames are not kept, to begin with.
+const PER_THREAD: usize = 4;
+/// Time of reading relative to tracking above which more units go together: less is little beside tracking, and fewer units
+/// together end sooner.
+const READING_SHARE: f64 = 0.05;
+/// How often a tracker tells how far it is.
+const TELL_EVERY: Duration = Duration::from_millis(100);
 /// Most frames decoded ahead.
 const WINDOW: usize = 16;
 /// Share of the memory budget that frames decoded ahead may take.
@@ -68,20 +75,40 @@ pub(crate) struct Context<'a> {
 }
 
 /// How many units go through a sequence together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Debug)]
 pub(crate) struct Pace {
     /// Where all frames are kept: those that go first, while frames are decoded.
     first: usize,
-    /// Where they are not: those of the first group. Each further group is twice as large.
-    alone: usize,
+    /// Where they are not. Twice as many as long as reading takes its share.
+    together: AtomicUsize,
 }
 
 impl Pace {
     /// Of a run that will be stopped soon, perhaps (`hurry`), or that was stopped before it got anything done (`stuck`).
     pub fn new(hurry: bool, stuck: bool, threads: usize) -> Pace {
         let first = if stuck { 1 } else { threads };
-        let alone = if hurry || stuck { first } else { GROUP };
-        Pace { first, alone }
+        let together = if hurry || stuck {
+            first
+        } else {
+            PER_THREAD * threads
+        };
+        Pace {
+            first,
+            together: AtomicUsize::new(together.min(GROUP)),
+        }
+    }
+
+    /// The units of the next group where frames are not kept.
+    fn together(&self) -> usize {
+        self.together.load(Ordering::Relaxed)
+    }
+
+    /// A group of `units` units has ended; reading took `share` of the time of tracking so far.
+    fn learn(&self, units: usize, share: f64) {
+        // Once for groups that ran at the same time.
+        if share > READING_SHARE && units >= self.together() {
+            self.together.store((2 * units).min(GROUP), Ordering::Relaxed);
+        }
     }
 }
 
@@ -161,13 +188,12 @@ fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[
     let budget = context.request.memory / context.at_once as u64;
     let mut waiting: VecDeque<&Unit> = units.iter().collect();
     let mut unreadable: Option<String> = None;
-    let mut together = context.pace.alone;
     while !waiting.is_empty() && !context.stopping() {
         let mut kept = Kept::new(context, sequence, &waiting);
         let most = if kept.is_wanted() {
             context.pace.first
         } else {
-            together
+            context.pace.together()
         };
         let mut group = Vec::new();
         let mut bytes = 0;
@@ -188,6 +214,7 @@ fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[
         if let Err(reason) = read {
             unreadable.get_or_insert(reason);
         }
+        let units = group.len();
         context.pool.install(|| {
             group.into_par_iter().with_max_len(1).for_each(|pass| {
                 let write = || finish(context, journal, sequence, pass);
@@ -196,7 +223,7 @@ fn run_sequence(context: &Context<'_>, journal: &SyncSender<Finished>, units: &[
         });
         match kept.whole() {
             Some(frames) => waiting = run_each(context, journal, frames, budget, waiting),
-            None => together = (2 * together).min(GROUP),
+            None => context.pace.learn(units, context.spent.reading_share()),
         }
     }
 }
@@ -485,43 +512,46 @@ fn track_window(context: &Context<'_>, sequence: &Sequence, pass: &mut Pass<'_>,
     let limit = context.request.timeout;
     let left = limit.map(|limit| limit.saturating_sub(pass.spent()));
     let track = || track_frames(context, sequence, pass, window);
-    let (done, ended) = context.watch.over(left, track);
-    match (done, ended, limit) {
+    let (whole, ended) = context.watch.over(left, track);
+    match (whole, ended, limit) {
         (_, Ended::Halted, _) => return false,
         (_, Ended::Late, Some(limit)) => pass.time_out(limit),
-        (None, ..) => return false,
-        _ => {}
+        (whole, ..) => return whole,
     }
-    context.observer.frames(done.unwrap_or(0) as u64);
     true
 }
 
-/// The frames of a window, one after the other; how many were done, if the run was not halted.
-fn track_frames(
-    context: &Context<'_>,
-    sequence: &Sequence,
-    pass: &mut Pass<'_>,
-    window: &[Ready],
-) -> Option<usize> {
+/// The frames of a window, one after the other; false if the run was halted.
+fn track_frames(context: &Context<'_>, sequence: &Sequence, pass: &mut Pass<'_>, window: &[Ready]) -> bool {
     let start = pass.unit.start as usize;
     let unit = pass.unit;
     let make_at = |frame: u32| make(context, unit, frame);
-    let mut done = 0;
+    let (mut done, mut since) = (0, Instant::now());
+    let mut tell = |count: usize, always: bool| {
+        done += count as u64;
+        let elapsed = since.elapsed();
+        if (always && done > 0) || elapsed >= TELL_EVERY {
+            let told = std::mem::take(&mut done);
+            context.observer.frames(unit.tracker, told, elapsed.as_secs_f64());
+            since = Instant::now();
+        }
+    };
     for ready in window.iter().filter(|ready| ready.index >= start) {
         if pass.is_over() || interrupt::requested() {
             break;
         }
         if context.halted() {
-            return None;
+            return false;
         }
-        done += pass.advance(ready, sequence, &make_at);
+        tell(pass.advance(ready, sequence, &make_at), false);
         // An update that does not look may take longer all the same.
         let late = |limit: &Duration| pass.failed.is_none() && pass.spent() > *limit;
         if let Some(limit) = context.request.timeout.filter(late) {
             pass.time_out(limit);
         }
     }
-    Some(done)
+    tell(0, true);
+    true
 }
 
 /// Writes the unit's log and sends its line to the journal.
@@ -555,12 +585,18 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
         grid: Vec::new(),
         build: build().to_owned(),
         time: UnitTime {
-            init_seconds,
+            init_seconds: nano(init_seconds),
             ..unit_time(seconds, input_seconds, context.pool.current_num_threads())
         },
     };
     let mut written = None;
     let (logs, metrics) = (context.request.frame_logs, &context.request.metrics);
+    let errors = || score_rows(metrics, &rows, start, |i| sequence.truth(i).is_some(), truth);
+    // Frames that a failed unit did not reach need not be tracked any more.
+    let unreached = plan.unit_frames(unit).saturating_sub(rows.len() as u64);
+    if unreached > 0 {
+        context.observer.frames(unit.tracker, unreached, 0.0);
+    }
     if ok && logs != FrameLogs::None {
         let name = |i: usize| sequence.frame_name(i).to_string();
         let text = format_log(metrics, &rows, start, name, truth);
@@ -573,7 +609,7 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
         written = Some(path);
     } else {
         if ok {
-            let errors = score_rows(metrics, &rows, start, |i| sequence.truth(i).is_some(), truth);
+            let errors = errors();
             (entry.errors, entry.grid) = (Some(errors.rows()), errors.dense_rows());
         }
         if logs != FrameLogs::None {
@@ -581,22 +617,27 @@ fn finish(context: &Context<'_>, journal: &SyncSender<Finished>, sequence: &Sequ
             let _ = std::fs::remove_file(path);
         }
     }
-    context.observer.unit(&entry);
+    context.observer.unit(&entry, &errors);
     // The receiver only goes away after an error, which it has recorded.
     let _ = journal.send(Finished { entry, log: written });
+}
+
+/// Rounded to a billionth.
+fn nano(seconds: f64) -> f64 {
+    (seconds * 1e9).round() / 1e9
 }
 
 fn unit_time(mut seconds: Vec<f32>, input_seconds: f64, threads: usize) -> UnitTime {
     // The sum of nothing would be -0.
     let total = seconds.iter().fold(0.0, |total, &s| total + f64::from(s));
     seconds.sort_by(f32::total_cmp);
-    let quantile = |q: f64| quantile::nearest(&seconds, q).map_or(0.0, |s| 1e3 * f64::from(s));
+    let quantile = |q: f64| quantile::nearest(&seconds, q).map_or(0.0, |s| nano(1e3 * f64::from(s)));
     UnitTime {
         init_seconds: 0.0,
-        seconds: total,
+        seconds: nano(total),
         ms_median: quantile(0.5),
         ms_p95: quantile(0.95),
-        input_seconds,
+        input_seconds: nano(input_seconds),
         updates: seconds.len(),
         threads,
         finished: crate::store::host::utc_now(),
@@ -616,6 +657,24 @@ mod tests {
         assert_eq!(groups_at_once(8, 256, 12), 2);
         assert_eq!(groups_at_once(1, 256, 12), 1);
         assert_eq!(groups_at_once(2, 1, 0), 1);
+    }
+
+    #[test]
+    fn groups_grow_as_long_as_reading_costs() {
+        let pace = Pace::new(false, false, 2);
+        assert_eq!(pace.together(), 8);
+        pace.learn(8, 0.01);
+        assert_eq!(pace.together(), 8);
+        pace.learn(8, 0.5);
+        // One that ran at the same time, or had no room for more.
+        pace.learn(8, 0.5);
+        assert_eq!(pace.together(), 16);
+        for _ in 0..9 {
+            pace.learn(pace.together(), 0.5);
+        }
+        assert_eq!(pace.together(), GROUP);
+        assert_eq!(Pace::new(true, false, 2).together(), 2);
+        assert_eq!(Pace::new(false, true, 2).together(), 1);
     }
 
     #[test]

@@ -3,9 +3,8 @@
 use crate::judge::ranking::{Field, Speeds};
 use crate::metric::{MetricSet, Results};
 use crate::plan::{DataNotes, Unit, UnitKeys};
-use crate::report::Exporters;
 use crate::run::error::RunError;
-use crate::run::finish::{Collected, ResultSource, speeds};
+use crate::run::finish::{Lacking, ResultSource};
 use crate::store::StoreError;
 use crate::store::held::{Finished, Held, finished, held};
 use crate::store::journal::Journal;
@@ -13,7 +12,7 @@ use crate::store::rundir::RunDir;
 use crate::store::truth;
 use rayon::ThreadPool;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::Path;
 
 /// What a run directory has.
@@ -31,6 +30,10 @@ pub struct SoFar {
     pub units: usize,
     /// Those that have ended.
     pub ended: usize,
+    /// Trackers of the run.
+    pub trackers: usize,
+    /// Those all of whose units have ended.
+    pub whole_trackers: usize,
     /// Data that was not read as it stands.
     pub data: DataNotes,
     /// Fingerprint of the data of each sequence, by `dataset/sequence`.
@@ -58,6 +61,11 @@ impl SoFar {
     }
 }
 
+/// What tells units apart.
+fn key(unit: &Unit) -> (u32, u32, u32, u32) {
+    (unit.tracker, unit.course, unit.sequence, unit.start)
+}
+
 /// Reads the run directory `dir` as a run of `metrics` without touching it. A directory that holds nothing but a
 /// `summary.json` has no speeds.
 ///
@@ -68,6 +76,7 @@ pub fn so_far(dir: &Path, metrics: &MetricSet, pool: &ThreadPool) -> Result<SoFa
     if !dir.join("run.json").exists() {
         let Finished { summary, data, .. } = finished(dir, metrics)?;
         let units = summary.results.sequences.len();
+        let trackers = summary.results.ranking().len();
         return Ok(SoFar {
             name,
             results: summary.results,
@@ -75,6 +84,8 @@ pub fn so_far(dir: &Path, metrics: &MetricSet, pool: &ThreadPool) -> Result<SoFa
             disturbed: false,
             units,
             ended: units,
+            trackers,
+            whole_trackers: trackers,
             data,
             fingerprints: BTreeMap::new(),
         });
@@ -105,18 +116,28 @@ pub fn so_far(dir: &Path, metrics: &MetricSet, pool: &ThreadPool) -> Result<SoFa
         plan,
         keys: &keys,
         metrics,
-        exporters: &Exporters::builtin(),
         truth: &truth,
         journal: &journal,
     };
-    let Collected { results, times, .. } = source.collect(&ended, pool)?;
+    // What is damaged will be tracked again.
+    let gathered = source.gather(&ended, pool, Lacking::LeftOut)?;
+    let trackers = |units: &[Unit]| units.iter().map(|unit| unit.tracker).collect::<BTreeSet<u32>>();
+    let has_ended: HashSet<(u32, u32, u32, u32)> = ended.iter().map(key).collect();
+    let lacking: Vec<Unit> = units
+        .iter()
+        .copied()
+        .filter(|unit| !has_ended.contains(&key(unit)))
+        .collect();
+    let all = trackers(&units).len();
     Ok(SoFar {
         name,
-        results,
-        speeds: speeds(plan, &times),
-        disturbed: times.iter().any(|(_, time)| time.threads > 1),
+        speeds: gathered.speeds(plan),
+        disturbed: gathered.times.iter().any(|(_, time)| time.threads > 1),
         units: units.len(),
-        ended: ended.len(),
+        ended: gathered.units(),
+        trackers: all,
+        whole_trackers: all - trackers(&lacking).len(),
+        results: gathered.results,
         data: plan.data.clone(),
         fingerprints: plan
             .sequences

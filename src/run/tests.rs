@@ -371,7 +371,8 @@ fn without_frame_logs_the_figures_are_the_same() {
     without.frame_logs = FrameLogs::None;
     go(&without).unwrap();
     let (mut a, mut b) = (files(&with.out), files(&without.out));
-    a.retain(|path, _| path.extension().is_none_or(|e| e != "csv") || !path.starts_with("frames"));
+    // Logs, and parameters beside them.
+    a.retain(|path, _| !path.starts_with("frames"));
     for files in [&mut a, &mut b] {
         let run = files.get_mut(Path::new("run.json")).unwrap();
         let mut value: serde_json::Value = serde_json::from_slice(run).unwrap();
@@ -471,7 +472,7 @@ struct StopAfter<'a> {
 }
 
 impl Observer for StopAfter<'_> {
-    fn unit(&self, _: &crate::store::journal::Entry) {
+    fn unit(&self, _: &crate::store::journal::Entry, _: &dyn Fn() -> crate::metric::Errors) {
         if self.units.fetch_add(1, Ordering::Relaxed) + 1 >= self.after {
             self.stop.store(true, Ordering::Relaxed);
         }
@@ -491,7 +492,7 @@ fn an_interrupted_run_goes_on_where_it_stopped() {
         stop: &stop,
     };
     match run(&request, &Exporters::builtin(), &observer, &stop) {
-        Err(RunError::Interrupted { done, total }) => assert!((4..12).contains(&done) && total == 12),
+        Err(RunError::Interrupted { done, total, .. }) => assert!((4..12).contains(&done) && total == 12),
         other => panic!("{other:?}"),
     }
     let journal = Journal::read(&request.out.join("journal.jsonl")).unwrap();
@@ -518,7 +519,7 @@ struct StopAfterFrames<'a> {
 }
 
 impl Observer for StopAfterFrames<'_> {
-    fn frames(&self, count: u64) {
+    fn frames(&self, _: u32, count: u64, _: f64) {
         if self.frames.fetch_add(count as usize, Ordering::Relaxed) + count as usize >= self.after {
             self.stop.store(true, Ordering::Relaxed);
         }
@@ -571,6 +572,40 @@ fn every_slot_that_fits_a_unit_gets_one_done() {
     let ended = in_slots(&hurried, 4 * 40);
     assert!(ended.iter().all(|&n| n > 0), "{ended:?}");
     assert_eq!(files(&bench.dir.path().join("whole")), files(&hurried.out));
+}
+
+/// Frames that are done when the first unit ends.
+#[derive(Default)]
+struct FirstEnd {
+    frames: AtomicUsize,
+    first: std::sync::OnceLock<usize>,
+}
+
+impl Observer for FirstEnd {
+    fn frames(&self, _: u32, count: u64, _: f64) {
+        self.frames.fetch_add(count as usize, Ordering::Relaxed);
+    }
+    fn unit(&self, _: &crate::store::journal::Entry, _: &dyn Fn() -> crate::metric::Errors) {
+        let _ = self.first.set(self.frames.load(Ordering::Relaxed));
+    }
+}
+
+#[test]
+fn units_end_from_early_on_and_every_frame_is_told() {
+    let bench = Bench::new(&[40]);
+    // With room for the frames of the sequence, and without.
+    for memory in [1 << 30, 100_000] {
+        let mut trackers = many(39);
+        trackers.push(tracker("panics", Trick::Panic { at: 5 }, 1));
+        let mut request = bench.request(&memory.to_string(), trackers);
+        request.memory = memory;
+        let watch = FirstEnd::default();
+        run(&request, &Exporters::builtin(), &watch, &AtomicBool::new(false)).unwrap();
+        let all = 40 * 40;
+        assert_eq!(watch.frames.into_inner(), all);
+        let first = watch.first.into_inner().unwrap();
+        assert!(first <= all / 4, "{first} of {all} frames");
+    }
 }
 
 #[test]
@@ -649,7 +684,14 @@ fn a_halt_ends_long_starts_and_updates_and_leaves_them_undone() {
             run(&request, &Exporters::builtin(), &Silent, &stop)
         });
         assert!(
-            matches!(halted, Err(RunError::Interrupted { done: 0, total: 1 })),
+            matches!(
+                halted,
+                Err(RunError::Interrupted {
+                    done: 0,
+                    total: 1,
+                    ..
+                })
+            ),
             "{halted:?}"
         );
         assert_eq!(

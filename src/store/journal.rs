@@ -6,6 +6,7 @@
 use crate::files;
 use crate::plan::UnitKey;
 use crate::store::error::StoreError;
+use crate::store::packed;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -35,7 +36,7 @@ pub enum EntryStatus {
     Failed,
 }
 
-/// Time a unit took. Never part of what must be reproducible.
+/// Time a unit took, rounded to 1e-9 s. Never part of what must be reproducible.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct UnitTime {
     /// Time to start on the first frame, and to start anew, s.
@@ -84,9 +85,9 @@ pub struct Entry {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub log: Option<String>,
     /// Per evaluated frame the values of the metrics that every frame has, in the order of the run's (`[al, mcd, cl,
-    /// jaccard]`; `null` without output); kept here when no frame logs are written.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub errors: Option<Vec<Option<Vec<f64>>>>,
+    /// jaccard]`; none without output), packed; kept here when no frame logs are written.
+    #[serde(default, skip_serializing_if = "Option::is_none", with = "packed")]
+    pub errors: Option<packed::Rows>,
     /// Of each frame that has dense truth, one after the other: the values of the dense metrics (`null` without output),
     /// likewise.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -430,7 +431,7 @@ mod tests {
             reason: (status == EntryStatus::Failed).then(|| "because".into()),
             frames: 3,
             log: None,
-            errors: Some(vec![Some(vec![0.1, 0.2, 1.0 / 3.0, 1e-7]), None]),
+            errors: Some(vec![Some(vec![0.1, 0.2, 1.0 / 3.0, 1e-6]), None]),
             grid: vec![Some(0.25), None],
             build: "b".into(),
             time: UnitTime::default(),

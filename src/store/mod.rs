@@ -9,6 +9,7 @@ pub mod held;
 pub mod host;
 pub mod journal;
 pub mod lock;
+pub mod packed;
 pub mod rundir;
 pub mod status;
 pub mod summary;

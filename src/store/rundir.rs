@@ -64,6 +64,26 @@ pub(crate) fn pretty(value: &Value) -> Vec<u8> {
     format!("{value:#}\n").into_bytes()
 }
 
+/// As a file of JSON for people in which each object of a list at the top has a line.
+fn lines(run: &Map<String, Value>) -> Vec<u8> {
+    let field = |(key, value): (&String, &Value)| {
+        let key = Value::from(key.as_str());
+        let rows = value
+            .as_array()
+            .filter(|rows| !rows.is_empty() && rows.iter().all(Value::is_object));
+        match rows {
+            Some(rows) => {
+                let rows: Vec<String> = rows.iter().map(Value::to_string).collect();
+                format!("  {key}: [\n    {}\n  ]", rows.join(",\n    "))
+            }
+            // Within strings, the end of a line is escaped.
+            None => format!("  {key}: {}", format!("{value:#}").replace('\n', "\n  ")),
+        }
+    };
+    let fields: Vec<String> = run.iter().map(field).collect();
+    format!("{{\n{}\n}}\n", fields.join(",\n")).into_bytes()
+}
+
 /// Reads back what [`Recorded::to_bytes`] wrote.
 fn described(bytes: &[u8]) -> Result<Map<String, Value>, String> {
     let mut value: Map<String, Value> = serde_json::from_slice(bytes).map_err(|e| e.to_string())?;
@@ -90,7 +110,7 @@ impl Recorded {
         run.insert("truth".into(), self.truth.as_str().into());
         let sum = sum(&run);
         run[HOST][SUM] = sum.into();
-        Ok(pretty(&run.into()))
+        Ok(lines(&run))
     }
 
     /// SHA-256 of each result file, once the run has ended.
@@ -227,15 +247,22 @@ impl RunDir {
             .filter(|(name, digest)| !is(&self.path.join(name), digest.unwrap_or_default()))
             .map(|(name, _)| self.path.join(name))
             .collect();
-        let units = recorded.units();
-        let trackers: BTreeSet<u32> = units.iter().map(|unit| unit.tracker).collect();
-        for tracker in trackers {
+        for tracker in self.described_trackers(&recorded.plan, &recorded.units()) {
             let (path, bytes) = self.tracker_file(&recorded.plan.trackers[tracker as usize]);
             if !files::read(&path, Kind::RESULTS).is_ok_and(|found| found == bytes) {
                 altered.push(path);
             }
         }
         altered
+    }
+
+    /// The trackers of `units` whose parameters are described beside their frame logs; none where there are no logs, as
+    /// `run.json` says it all.
+    pub(crate) fn described_trackers(&self, plan: &Plan, units: &[Unit]) -> BTreeSet<u32> {
+        match plan.frame_logs {
+            FrameLogs::None => BTreeSet::new(),
+            _ => units.iter().map(|unit| unit.tracker).collect(),
+        }
     }
 
     /// Path and content of the description of a tracker.

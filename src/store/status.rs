@@ -1,6 +1,6 @@
 //! How far a run directory is, whoever writes to it.
 
-use crate::plan::{DataNotes, UnitKeys};
+use crate::plan::{DataNotes, Remaining, UnitKeys};
 use crate::store::error::StoreError;
 use crate::store::held::{Held, held};
 use crate::store::journal::{EntryStatus, Journal};
@@ -54,7 +54,7 @@ pub struct Status {
     pub frames_done: u64,
     /// When the last unit ended, UTC.
     pub last: Option<String>,
-    /// Time that the rest will take at the pace of this run, s; only while it is running.
+    /// Time that the rest will take by what trackers of its kinds have cost, s; only while it is running.
     pub left_seconds: Option<f64>,
     /// Units without an end: tracker, sequence and start.
     #[serde(skip)]
@@ -118,8 +118,9 @@ pub fn status(path: &Path) -> Result<Status, StoreError> {
         data: plan.data.clone(),
         failures: Vec::new(),
     };
-    let mut this_run = 0;
-    for unit in recorded.units() {
+    let units = recorded.units();
+    let (mut remaining, mut this_run) = (Remaining::new(plan, &units), 0.0);
+    for unit in units {
         let frames = plan.unit_frames(&unit);
         status.units += 1;
         status.frames += frames;
@@ -143,9 +144,11 @@ pub fn status(path: &Path) -> Result<Status, StoreError> {
         };
         status.frames_done += frames;
         status.done += usize::from(entry.status == EntryStatus::Ok);
+        let seconds = entry.time.init_seconds + entry.time.seconds;
+        remaining.add(unit.tracker, frames, seconds);
         // RFC 3339 in UTC sorts as text.
         if entry.time.finished.as_str() >= began {
-            this_run += frames;
+            this_run += seconds;
         }
         if status
             .last
@@ -163,9 +166,10 @@ pub fn status(path: &Path) -> Result<Status, StoreError> {
     let elapsed = OffsetDateTime::parse(began, &Rfc3339)
         .ok()
         .and_then(|began| Duration::try_from(OffsetDateTime::now_utc() - began).ok());
-    if let Some(elapsed) = elapsed.filter(|_| activity == Activity::Running && this_run > 0) {
-        let left = status.frames - status.frames_done;
-        status.left_seconds = Some(elapsed.as_secs_f64() * left as f64 / this_run as f64);
+    if let Some(elapsed) = elapsed.filter(|_| activity == Activity::Running && this_run > 0.0) {
+        status.left_seconds = remaining
+            .left()
+            .map(|left| elapsed.as_secs_f64() * left / this_run);
     }
     Ok(status)
 }

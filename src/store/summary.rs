@@ -1,9 +1,7 @@
-//! `summary.json`: everything in the result files of a run, nested by tracker; written and read back.
+//! `summary.json`: every figure in the result files of a run, nested by tracker; written and read back.
 
 use crate::files::{self, Kind};
-use crate::metric::aggregate::{
-    Average, CurveRow, Results, SequenceRow, SummaryRow, TrackerName, UnitStatus,
-};
+use crate::metric::aggregate::{Average, Results, SequenceRow, SummaryRow, TrackerName, UnitStatus};
 use crate::metric::{MetricSet, Score};
 pub use crate::store::file::FileError;
 use serde::{Deserialize, Serialize};
@@ -53,17 +51,11 @@ struct Tracker<'a> {
     name: &'a TrackerName,
     aggregates: Vec<&'a SummaryRow>,
     sequences: Vec<&'a SequenceRow>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    curves: Vec<&'a CurveRow>,
 }
 
 impl<'a> Document<'a> {
-    /// Rows of `results` by tracker, in the order of `order`; of the curves those that are to be kept.
-    fn new(
-        results: &'a Results,
-        order: &[&'a TrackerName],
-        keep: impl Fn(&CurveRow) -> bool,
-    ) -> Document<'a> {
+    /// Rows of `results` by tracker, in the order of `order`.
+    fn new(results: &'a Results, order: &[&'a TrackerName]) -> Document<'a> {
         let mut trackers: Vec<Tracker> = Vec::new();
         let mut places: BTreeMap<&TrackerName, usize> = BTreeMap::new();
         for &name in order {
@@ -72,7 +64,6 @@ impl<'a> Document<'a> {
                     name,
                     aggregates: vec![],
                     sequences: vec![],
-                    curves: vec![],
                 });
                 trackers.len() - 1
             });
@@ -85,11 +76,6 @@ impl<'a> Document<'a> {
         for row in &results.sequences {
             if let Some(&at) = places.get(&row.tracker) {
                 trackers[at].sequences.push(row);
-            }
-        }
-        for row in results.curves.iter().filter(|c| keep(c)) {
-            if let Some(&at) = places.get(&row.tracker) {
-                trackers[at].curves.push(row);
             }
         }
         Document {
@@ -113,8 +99,6 @@ pub struct Heading<'a> {
     pub title: &'a str,
     /// [Checksum](crate::store::held::ended_as) of what the results were made from.
     pub made_from: &'a str,
-    /// With the curves of single sequences, besides the pooled ones.
-    pub sequence_curves: bool,
 }
 
 /// Writes the file, on one line.
@@ -123,11 +107,10 @@ pub struct Heading<'a> {
 /// What the system says.
 pub fn write(out: &mut dyn Write, results: &Results, heading: Heading<'_>) -> io::Result<()> {
     let order: Vec<&TrackerName> = results.summary.iter().map(|r| &r.tracker).collect();
-    let keep = |c: &CurveRow| heading.sequence_curves || c.is_pooled();
     let document = Document {
         title: heading.title,
         made_from: heading.made_from,
-        ..Document::new(results, &order, keep)
+        ..Document::new(results, &order)
     };
     serde_json::to_writer(&mut *out, &document)?;
     writeln!(out)
@@ -141,7 +124,7 @@ pub fn document<'a>(
 ) -> impl Serialize + 'a {
     Document {
         groups,
-        ..Document::new(results, order, |_| false)
+        ..Document::new(results, order)
     }
 }
 
@@ -173,8 +156,6 @@ struct RecordedTracker {
     name: TrackerName,
     aggregates: Vec<RecordedAggregate>,
     sequences: Vec<RecordedSequence>,
-    #[serde(default)]
-    curves: Vec<RecordedCurve>,
 }
 
 #[derive(Deserialize)]
@@ -201,17 +182,8 @@ struct RecordedSequence {
     figures: Map<String, Value>,
 }
 
-#[derive(Deserialize)]
-struct RecordedCurve {
-    dataset: String,
-    sequence: String,
-    protocol: String,
-    metric: String,
-    success_rate: Vec<f64>,
-}
-
 /// Reads the `summary.json` of the run directory `dir` as a run of `metrics`. Figures that it lacks are undefined; figures
-/// and curves of other metrics are left out.
+/// of other metrics are left out. There are no curves.
 ///
 /// # Errors
 /// [`FileError`] when the file is missing, damaged or of another version.
@@ -226,7 +198,6 @@ pub fn read(dir: &Path, metrics: &MetricSet) -> Result<Summary, FileError> {
         name,
         aggregates,
         sequences,
-        curves,
     } in recorded.trackers
     {
         for row in aggregates {
@@ -259,16 +230,6 @@ pub fn read(dir: &Path, metrics: &MetricSet) -> Result<Summary, FileError> {
                 status: row.status,
                 score: Score::from_json(metrics, &row.figures),
             }));
-        results.curves.extend(curves.into_iter().filter_map(|row| {
-            Some(CurveRow {
-                tracker: name.clone(),
-                dataset: row.dataset,
-                sequence: row.sequence,
-                protocol: row.protocol,
-                metric: *metrics.metric(&row.metric)?,
-                success_rate: row.success_rate,
-            })
-        }));
     }
     Ok(Summary {
         results,
@@ -312,11 +273,12 @@ mod tests {
         let heading = Heading {
             title: "",
             made_from: "0123",
-            sequence_curves: true,
         };
         write(&mut text, &results, heading).unwrap();
         std::fs::write(dir.path().join(FILE), text).unwrap();
         let read = read(dir.path(), &results.metrics).unwrap();
+        // They are in a file of their own.
+        results.curves.clear();
         assert_eq!(format!("{:?}", read.results), format!("{results:?}"));
         assert_eq!(read.thresholds, thresholds(&results.metrics));
         assert_eq!(read.made_from.as_deref(), Some("0123"));

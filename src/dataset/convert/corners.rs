@@ -18,7 +18,11 @@ impl Target for Corners {
 
     fn parts(&self, sequence: &Sequence) -> Result<Parts, String> {
         let folder = Path::new(sequence.name());
-        let names: Vec<&str> = (0..sequence.len()).map(|i| sequence.frame_name(i)).collect();
+        let name = |i: usize| match sequence.is_film() {
+            true => format!("frame{:05}.png", i + 1),
+            false => sequence.frame_name(i).to_owned(),
+        };
+        let names: Vec<String> = (0..sequence.len()).map(name).collect();
         let rows = quads(
             sequence,
             "\t",

@@ -10,7 +10,10 @@ mod vot;
 
 use super::annotation::{Annotation, Region};
 use super::{DENSE_FILE, DatasetError, Origin, Sequence};
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder};
 use mtf::geom::Corners;
+use mtf::image::Pixels;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs;
@@ -158,7 +161,16 @@ fn write(sequence: &Sequence, parts: &Parts, root: &Path) -> Result<(), ConvertE
             .map_err(|source| ConvertError::Io { path, source })
     };
     for (i, path) in parts.frames.iter().enumerate() {
-        put(path, &sequence.frame(i).read()?)?;
+        match sequence.is_film() {
+            true => put(
+                path,
+                &png(&sequence.read(i, true)?).map_err(|source| ConvertError::Io {
+                    path: path.clone(),
+                    source,
+                })?,
+            )?,
+            false => put(path, &sequence.frame(i).read()?)?,
+        }
     }
     for (path, text) in &parts.texts {
         put(path, text.as_bytes())?;
@@ -172,6 +184,21 @@ fn write(sequence: &Sequence, parts: &Parts, root: &Path) -> Result<(), ConvertE
     Ok(())
 }
 
+/// As a PNG file, which loses nothing of 8 bits per channel.
+fn png(pixels: &Pixels) -> io::Result<Vec<u8>> {
+    let (width, height) = (pixels.width() as u32, pixels.height() as u32);
+    let (bytes, colour) = match pixels.rgb() {
+        Some(rgb) => (rgb, ExtendedColorType::Rgb8),
+        None => (pixels.gray(), ExtendedColorType::L8),
+    };
+    let mut out = Vec::new();
+    let encoder = PngEncoder::new(&mut out);
+    encoder
+        .write_image(bytes, width, height, colour)
+        .map_err(io::Error::other)?;
+    Ok(out)
+}
+
 /// What every format reads beside the ground truth.
 fn meta(sequence: &Sequence) -> Option<Value> {
     (!sequence.tags().is_empty()).then(|| json!({ "tags": sequence.tags() }))
@@ -179,6 +206,10 @@ fn meta(sequence: &Sequence) -> Option<Value> {
 
 /// Extension of frame `i`, as its name has it.
 fn extension(sequence: &Sequence, i: usize) -> String {
+    // A picture in a file is written as one.
+    if sequence.is_film() {
+        return "png".to_owned();
+    }
     let name = sequence.frame_name(i);
     let extension = name.rsplit_once('.').map_or("png", |(_, extension)| extension);
     match extension.to_ascii_lowercase().as_str() {

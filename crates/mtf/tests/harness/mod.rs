@@ -26,6 +26,8 @@ pub enum Need {
     Strace,
     /// Python with numpy.
     Numpy,
+    /// A tool that runs a program at a terminal.
+    Terminal,
 }
 
 impl Need {
@@ -39,6 +41,7 @@ impl Need {
         (Need::Tmpfs, "tmpfs", "needs the right to mount a tmpfs"),
         (Need::Numpy, "numpy", "needs python3 with numpy"),
         (Need::Strace, "strace", "needs strace, and the right to trace"),
+        (Need::Terminal, "terminal", "needs script (util-linux)"),
     ];
 
     fn entry(self) -> &'static (Need, &'static str, &'static str) {
@@ -59,6 +62,7 @@ impl Need {
             Need::DevFull => Path::new("/dev/full").exists(),
             Need::Tmpfs => runs("unshare", &["--mount", "mount", "-t", "tmpfs", "tmpfs", "/mnt"]),
             Need::Numpy => runs("python3", &["-c", "import numpy"]),
+            Need::Terminal => runs("script", &["-qefc", "test -t 2", "/dev/null"]),
             Need::Strace => runs("strace", &["-f", "-qq", "--seccomp-bpf", "true"]),
         }
     }
