@@ -53,6 +53,8 @@ pub(super) struct Whole {
     pub name: String,
     pub format: &'static str,
     pub folder: Folder,
+    /// Folder of the frames and their truth: `folder`, or that of the sequence whose frames these are.
+    pub data: Folder,
     pub frames: Vec<File>,
     pub annotations: Vec<Annotation>,
     pub truth_digest: [u8; 32],
@@ -318,9 +320,9 @@ impl Sequence {
         remarks.faults()
     }
 
-    /// Content of another file in the sequence's folder, such as dense ground truth; `None` when there is none.
+    /// Content of another file in the folder of the frames, such as dense ground truth; `None` when there is none.
     pub fn file(&self, name: &str) -> Result<Option<Cow<'static, [u8]>>, DatasetError> {
-        self.whole.folder.file(name).map(|file| file.read()).transpose()
+        self.whole.data.file(name).map(|file| file.read()).transpose()
     }
 
     /// Identity of the data in 64 hex digits: SHA-256 over the bytes of the ground truth's files (and of the dense
