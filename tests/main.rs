@@ -16,6 +16,7 @@ mod examples;
 mod extending_format;
 mod extending_metric_exporter;
 mod faults;
+mod figures;
 #[path = "../crates/mtf/tests/harness/mod.rs"]
 mod harness;
 mod illumination;
@@ -60,6 +61,7 @@ fn main() -> std::process::ExitCode {
         examples::TESTS,
         extending_metric_exporter::TESTS,
         faults::TESTS,
+        figures::TESTS,
         illumination::TESTS,
         limits::TESTS,
         matching::TESTS,

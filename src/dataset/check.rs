@@ -1,7 +1,7 @@
 //! Finds every fault of a dataset.
 
 use super::decode::{Depth16, Remark, Standing, remarks};
-use super::find::{Unread, find};
+use super::find::find;
 use super::open::Draft;
 use super::sequence::{Remarks, check_size, decode_frame, read_frame};
 use super::storage::File;
@@ -131,8 +131,9 @@ pub fn check(path: &Path, options: &LoadOptions) -> Checked {
         ..Checked::default()
     };
     for unread in found.sequences {
-        checked.frames += unread.parts.frames.len();
-        checked.faults.extend(check_sequence(unread, options));
+        let draft = Draft::new(unread, options.reading);
+        checked.frames += draft.unread.parts.frames.len();
+        checked.faults.extend(check_sequence(draft, options));
     }
     checked
 }
@@ -154,8 +155,7 @@ fn look(file: &File, depth16: Depth16) -> (Result<(usize, usize), DatasetError>,
     }
 }
 
-fn check_sequence(unread: Unread, options: &LoadOptions) -> Vec<Fault> {
-    let mut draft = Draft::new(unread, options.reading);
+fn check_sequence(mut draft: Draft, options: &LoadOptions) -> Vec<Fault> {
     let mut errors = std::mem::take(&mut draft.fatal);
     let annotations = &mut draft.annotations;
     let truth_faults = std::mem::take(&mut annotations.faults);
