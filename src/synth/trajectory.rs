@@ -387,22 +387,3 @@ mod tests {
         }
     }
 }
-
-#[cfg(test)]
-mod scan {
-    use super::*;
-    #[test]
-    fn scan_seeds() {
-        let mut found = vec![];
-        for seed in 1..400u64 {
-            let line = format!("mtf-eval synth zoom --box 64x48 --motion similitude --shift 25 --rotate 30 --zoom 3 --speed 6 --seed {seed}");
-            let (_, spec) = SynthSpec::parse_command(&line).unwrap();
-            let Ok(p) = Trajectory::new(&spec, &mut Random::new(seed, 2)) else { continue };
-            let s: Vec<f64> = (0..60).map(|i| p.pose(i as f64).unwrap()[3].exp()).collect();
-            let (lo, hi) = (s.iter().copied().fold(9.0, f64::min), s.iter().copied().fold(0.0, f64::max));
-            found.push(((hi.ln()).min(-lo.ln()), seed, lo, hi));
-        }
-        found.sort_by(|a, b| b.0.total_cmp(&a.0));
-        eprintln!("SCAN {:?}", &found[..6]);
-    }
-}
