@@ -1,7 +1,8 @@
 //! Figures of the embedded dataset in documents: they are what the program prints. `MTF_EVAL_UPDATE=1` writes them again.
 
 use crate::runs::program;
-use mtf_eval::synth::{Recipe, builtin_recipes, builtin_spec, render_sequence};
+use mtf_eval::dataset;
+use mtf_eval::synth::{Recipe, builtin_recipes, builtin_spec};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -121,23 +122,24 @@ fn the_list_of_sequences_is_complete_and_has_what_the_default_run_gives() {
     let mut text = "| sequence | object | motion | px per frame | tags | `esm/ssd/homography` | `esm/ncc/homography` |\n\
                     |---|---|---|--:|---|--:|--:|\n"
         .to_owned();
+    let data = dataset::builtin().unwrap();
     for (name, recipe) in builtin_recipes().unwrap() {
-        let (of, step) = match &recipe {
-            Recipe::Rendered(_) => (name.clone(), 1),
-            Recipe::Selected(selection) => (selection.of.clone(), selection.step),
+        let of = match &recipe {
+            Recipe::Rendered(_) => &name,
+            Recipe::Selected(selection) => &selection.of,
         };
-        let spec = builtin_spec(&of).unwrap();
-        let scene = render_sequence(&spec).unwrap();
-        let corners: Vec<_> = (0..spec.frames).step_by(step).map(|i| scene.corners(i)).collect();
-        let moved = |pair: &[mtf::geom::Corners]| {
-            let far = pair[0]
-                .0
-                .iter()
-                .zip(&pair[1].0)
-                .map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
-            far.sum::<f64>() / 4.0
+        let spec = builtin_spec(of).unwrap();
+        let sequence = data.sequences.iter().find(|s| s.name() == name).unwrap();
+        let moved = |i: usize| {
+            let (a, b) = (sequence.truth(i - 1)?, sequence.truth(i)?);
+            let far =
+                a.0.iter()
+                    .zip(&b.0)
+                    .map(|(p, q)| (p[0] - q[0]).hypot(p[1] - q[1]));
+            Some(far.sum::<f64>() / 4.0)
         };
-        let speed = corners.windows(2).map(moved).sum::<f64>() / (corners.len() - 1) as f64;
+        let steps: Vec<f64> = (1..sequence.len()).filter_map(moved).collect();
+        let speed = steps.iter().sum::<f64>() / steps.len() as f64;
         let object = spec
             .command("")
             .split(' ')
