@@ -19,10 +19,22 @@ const LARGE: [&str; 4] = [
     "grid(grid(iclk/ssd/translation; size=1000x1000); size=1000x1000)",
 ];
 
-/// `run` on a few frames of the quick sequences.
+/// `run` on a few frames of three easy sequences.
 fn run(dir: &Path) -> assert_cmd::Command {
     let mut program = program(dir);
-    program.args(["run", "--tag", "quick", "--max-frames", "3", "--out", "out"]);
+    program.args([
+        "run",
+        "--seq",
+        "plain-page",
+        "--seq",
+        "plain-painting",
+        "--seq",
+        "noise",
+        "--max-frames",
+        "3",
+        "--out",
+        "out",
+    ]);
     program
 }
 
@@ -92,7 +104,7 @@ fn time_limits_end_a_long_start() {
 fn speeds_of_too_large_a_tracker_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let tracker = ["--tracker", "nn/ssd/homography{n_samples=1000000}"];
-    for command in [&["bench", "--max-frames", "3", "--tag", "quick"][..], &["basin"]] {
+    for command in [&["bench", "--max-frames", "3", "--seq", "noise"][..], &["basin"]] {
         program(dir.path())
             .args(command)
             .args(tracker)

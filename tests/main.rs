@@ -16,6 +16,7 @@ mod examples;
 mod extending_format;
 mod extending_metric_exporter;
 mod faults;
+mod figures;
 mod files;
 mod films;
 #[path = "../crates/mtf/tests/harness/mod.rs"]
@@ -65,6 +66,7 @@ fn main() -> std::process::ExitCode {
         examples::TESTS,
         extending_metric_exporter::TESTS,
         faults::TESTS,
+        figures::TESTS,
         files::TESTS,
         films::TESTS,
         illumination::TESTS,

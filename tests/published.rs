@@ -83,8 +83,8 @@ fn a_switch_selects_the_published_values() {
         let mut command = program(dir.path());
         command.args([
             "run",
-            "--tag",
-            "quick",
+            "--seq",
+            "plain-page",
             "--max-frames",
             "2",
             "-q",

@@ -18,8 +18,12 @@ fn nested_trackers_run_like_any_other() {
         program(dir.path())
             .args([
                 "run",
-                "--tag",
-                "quick",
+                "--seq",
+                "plain-page",
+                "--seq",
+                "plain-painting",
+                "--seq",
+                "noise",
                 "--max-frames",
                 "12",
                 "--tracker",

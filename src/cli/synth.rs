@@ -1,7 +1,7 @@
 //! `mtf-eval synth`: renders a sequence with exact ground truth.
 
 use super::console::print;
-use crate::synth::{SynthError, SynthSpec, Written, texture, write_builtin, write_sequence};
+use crate::synth::{Selection, SynthError, SynthSpec, Written, texture, write_builtin, write_sequence};
 use anyhow::Context as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -21,6 +21,12 @@ pub struct SynthArgs {
     /// List the textures and stop
     #[arg(long)]
     pub list_textures: bool,
+    /// Take the frames of NAME, a sequence in the same folder, instead of rendering any: OUT gets a meta.json and no images
+    #[arg(long, value_name = "NAME", conflicts_with = "builtin")]
+    pub frames_of: Option<String>,
+    /// With --frames-of: take every K-th frame [default: 1]
+    #[arg(long, value_name = "K", requires = "frames_of")]
+    pub step: Option<String>,
     /// Write into a folder that is not empty
     #[arg(long)]
     pub force: bool,
@@ -127,6 +133,18 @@ pub struct SynthArgs {
     /// Greatest share of the object covered by patches that cross it [default: 0]
     #[arg(long, value_name = "F", help_heading = "Effects", hide_short_help = true)]
     pub occlude: Option<String>,
+    /// Two specular highlights that wander over the object: intensity 0-255 that their middles add [default: 0]
+    #[arg(long, value_name = "I", help_heading = "Effects")]
+    pub glare: Option<String>,
+    /// Exposure that jumps every 5 to 12 frames, by a factor from 1/F to F [default: 1]
+    #[arg(long, value_name = "F", help_heading = "Effects")]
+    pub exposure: Option<String>,
+    /// Photon noise: electrons that intensity 255 frees in a pixel, 0 for none [default: 0]
+    #[arg(long, value_name = "N", help_heading = "Effects")]
+    pub photons: Option<String>,
+    /// An identical second object behind the first circles it at so many boxes, 0 for none [default: 0]
+    #[arg(long, value_name = "BOXES", help_heading = "Effects")]
+    pub twin: Option<String>,
 
     /// Frame size, px [default: 320x240]
     #[arg(long, value_name = "WxH", help_heading = "Output")]
@@ -184,6 +202,10 @@ impl SynthArgs {
             ("noise", &self.noise),
             ("blur", &self.blur),
             ("occlude", &self.occlude),
+            ("glare", &self.glare),
+            ("exposure", &self.exposure),
+            ("photons", &self.photons),
+            ("twin", &self.twin),
             ("size", &self.size),
             ("frames", &self.frames),
             ("seed", &self.seed),
@@ -219,14 +241,30 @@ pub fn run(args: &SynthArgs, say: &dyn Fn(&str)) -> anyhow::Result<ExitCode> {
         let line = |t: &texture::Texture| format!("{:10} {}\n", t.name, t.about);
         print(&texture::TEXTURES.iter().map(line).collect::<String>())?;
     } else if let Some(dir) = &args.builtin {
-        write_builtin(dir, args.force, report)?;
+        write_builtin(dir, args.force, |name, written| match written {
+            Some(written) => report(name, written),
+            None => say(&format!("{name}: frames of another sequence")),
+        })?;
     } else {
         let out = args
             .out
             .as_deref()
             .context("the folder of the new sequence is missing")?;
-        let written = write_sequence(&args.spec()?, out, args.force)?;
-        report(&out.display().to_string(), &written);
+        let shown = out.display().to_string();
+        if let Some(of) = &args.frames_of {
+            let rest = SynthSpec {
+                tags: vec![],
+                ..args.spec()?
+            };
+            anyhow::ensure!(
+                rest == SynthSpec::default(),
+                "--frames-of takes frames as they are: of what says how to render, only --tags goes with it"
+            );
+            Selection::new(of, args.step.as_deref(), args.tags.as_deref())?.write(out, args.force)?;
+            say(&format!("{shown}: frames of {of}"));
+        } else {
+            report(&shown, &write_sequence(&args.spec()?, out, args.force)?);
+        }
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,5 +1,6 @@
 //! Finds sequences in a folder and below it. Formats are detected, never configured.
 
+use super::borrowed::{self, Borrowed};
 use super::format::{Format, Formats, Found, Place};
 use super::order::natural;
 use super::storage::Folder;
@@ -21,6 +22,15 @@ pub(super) struct Unread {
     pub format: Option<Arc<dyn Format>>,
     /// Its parts.
     pub parts: Found,
+    /// Where its frames and their truth come from; `None`: from its own folder.
+    pub borrowed: Option<Borrowed>,
+}
+
+impl Unread {
+    /// The folder of its frames and their truth.
+    pub fn data(&self) -> &Folder {
+        self.borrowed.as_ref().map_or(&self.folder, |b| &b.from)
+    }
 }
 
 /// A link that leads nowhere, where a sequence or a part of one may have been.
@@ -136,6 +146,7 @@ impl Walk<'_> {
             folder: folder.clone(),
             format,
             parts,
+            borrowed: None,
         };
         if let Some((format, found)) = self.formats.recognise(&place)? {
             let dataset = match format.holds_sequences() {
@@ -146,6 +157,10 @@ impl Walk<'_> {
             let found = found.map(|parts| unread(dataset, Some(format.clone()), parts));
             self.finds.sequences.extend(found);
             self.bury(&place, dataset, Some(place.name()));
+            return Ok(());
+        }
+        if let Some(borrowed) = borrowed::recognise(&place, dataset, self.formats) {
+            self.finds.sequences.push(borrowed);
             return Ok(());
         }
         self.bury(&place, folder.name(), None);

@@ -6,6 +6,7 @@
 
 mod absence;
 mod annotation;
+mod borrowed;
 mod check;
 pub mod convert;
 mod decode;

@@ -66,7 +66,14 @@ impl Draft {
             unread.parts.frames = movie.frames();
         }
         let countable = fatal.is_empty();
-        let (parts, folder) = (&unread.parts, &unread.folder);
+        fatal.extend(unread.borrowed.as_mut().and_then(|b| b.fault.take()));
+        if movie.is_some() && unread.borrowed.is_some() {
+            let detail = "frames_of: the frames of a film cannot be borrowed".to_owned();
+            let kind = DatasetErrorKind::BadMeta { detail };
+            fatal.push(DatasetError::new(unread.folder.path(), kind));
+        }
+        let (parts, folder) = (&unread.parts, unread.data());
+        let name = unread.borrowed.as_ref().map_or(&parts.name, |b| &b.name);
         let mut truth_digest = [0; 32];
         let mut annotations = Annotations::new(parts.frames.len());
         match tags::reading(folder) {
@@ -74,6 +81,7 @@ impl Draft {
             Err(e) => fatal.push(e),
         }
         match (&unread.format, &parts.truth[..]) {
+            _ if !fatal.is_empty() && parts.frames.is_empty() => {}
             (None, _) | (_, []) => {
                 fatal.push(DatasetError::new(folder.path(), DatasetErrorKind::NoGroundTruth));
             }
@@ -92,33 +100,37 @@ impl Draft {
                     let before = annotations.faults.len();
                     match Place::new(folder) {
                         Ok(place) => {
-                            absence::read(place.files(), &parts.name, &mut annotations);
+                            absence::read(place.files(), name, &mut annotations);
                             warnings.extend(format.doubt(&place, parts, &annotations));
                         }
                         Err(e) => fatal.push(e),
                     }
                     // Beside the ground truth, where that is not in the folder.
-                    let flags = format!("{}_flag.txt", parts.name);
+                    let flags = format!("{name}_flag.txt");
                     let apart = parts
                         .truth
                         .first()
                         .filter(|t| t.path().parent() != Some(folder.path()));
                     let flags = apart.and_then(|truth| truth.beside(&flags));
                     let flags = flags.or_else(|| folder.file_beside("_flag.txt"));
-                    absence::read(&flags, &parts.name, &mut annotations);
+                    absence::read(&flags, name, &mut annotations);
                     // Without them frames would count in which the object cannot be seen.
                     fatal.extend(annotations.faults.drain(before..));
                 }
             },
         }
         fatal.extend(dense::read(folder, &parts.frames, &mut annotations).err());
-        warnings.extend(tags::read(folder, &mut annotations).err());
+        warnings.extend(tags::read(&unread.folder, &mut annotations).err());
         let names: Vec<&str> = parts.frames.iter().map(File::name).collect();
         warnings.extend(order::doubtful(&names).map(|(first, second)| {
             let (first, second) = (first.to_owned(), second.to_owned());
             DatasetError::new(folder.path(), DatasetErrorKind::DecimalNames { first, second })
         }));
         warnings.append(&mut annotations.warnings);
+        if let Some(borrowed) = &unread.borrowed {
+            borrowed.thin(&mut unread.parts.frames);
+            borrowed.thin(&mut annotations.frames);
+        }
         Draft {
             unread,
             movie,
@@ -244,10 +256,12 @@ impl Draft {
         notes.extend(Fault::all(&self.warnings, Severity::Warning));
         let files = self.movie.as_ref().map_or(parts.frames.len(), |_| 1);
         let contents = vec![Default::default(); files];
+        let data = self.unread.borrowed.map(|b| b.from);
         Sequence::new(Whole {
             dataset: self.unread.dataset,
             name: parts.name,
             format: self.unread.format.map_or("", |format| format.describe().name),
+            data: data.unwrap_or_else(|| self.unread.folder.clone()),
             folder: self.unread.folder,
             movie: self.movie,
             frames: parts.frames,

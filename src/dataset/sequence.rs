@@ -56,6 +56,8 @@ pub(super) struct Whole {
     pub folder: Folder,
     /// The file whose pictures are the frames; `None` when each is a file.
     pub movie: Option<Movie>,
+    /// Folder of the frames and their truth: `folder`, or that of the sequence whose frames these are.
+    pub data: Folder,
     pub frames: Vec<File>,
     pub annotations: Vec<Annotation>,
     pub truth_digest: [u8; 32],
@@ -147,6 +149,7 @@ impl Sequence {
             name: name.to_owned(),
             format: "",
             folder: folder.clone(),
+            data: folder.clone(),
             movie: None,
             contents: vec![Default::default(); frames.len()],
             frames,
@@ -409,9 +412,9 @@ impl Sequence {
         remarks.faults()
     }
 
-    /// Content of another file in the sequence's folder, such as dense ground truth; `None` when there is none.
+    /// Content of another file in the folder of the frames, such as dense ground truth; `None` when there is none.
     pub fn file(&self, name: &str) -> Result<Option<Cow<'static, [u8]>>, DatasetError> {
-        self.whole.folder.file(name).map(|file| file.read()).transpose()
+        self.whole.data.file(name).map(|file| file.read()).transpose()
     }
 
     /// Identity of the data in 64 hex digits: SHA-256 over the bytes of the ground truth's files (and of the dense

@@ -9,11 +9,17 @@ use crate::files::Kind;
 use serde_json::Value;
 
 /// What else is known of a sequence, for programs.
-const META: &str = "meta.json";
+pub(super) const META: &str = "meta.json";
 
 fn bad(file: &File, detail: impl ToString) -> DatasetError {
     let detail = detail.to_string();
     DatasetError::new(file.path(), DatasetErrorKind::BadMeta { detail })
+}
+
+/// What `meta.json` says: null when it cannot be read or is no JSON, `None` without one.
+pub(super) fn meta(folder: &Folder) -> Option<Value> {
+    let bytes = folder.file(META)?.read_as(Kind::SETTINGS).unwrap_or_default();
+    Some(serde_json::from_slice(&bytes).unwrap_or_default())
 }
 
 /// How `meta.json` asks the truth to be read: a number `origin`, a word `box`, whole numbers `truth_start` and
@@ -24,11 +30,9 @@ fn bad(file: &File, detail: impl ToString) -> DatasetError {
 /// A number or word that means nothing.
 pub(super) fn reading(folder: &Folder) -> Result<Reading, DatasetError> {
     let mut reading = Reading::default();
-    let Some(file) = folder.file(META) else {
+    let Some((file, meta)) = folder.file(META).zip(meta(folder)) else {
         return Ok(reading);
     };
-    let bytes = file.read_as(Kind::SETTINGS).unwrap_or_default();
-    let meta: Value = serde_json::from_slice(&bytes).unwrap_or_default();
     let number = |value: &Value| value.as_f64().or_else(|| value.as_str()?.parse().ok());
     if let Some(origin) = meta.get("origin").and_then(number) {
         reading.origin = Some(Origin::try_from(origin).map_err(|e| bad(&file, e))?);

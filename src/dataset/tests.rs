@@ -241,6 +241,74 @@ fn tags_come_from_both_files() {
 }
 
 #[test]
+fn a_sequence_may_take_frames_of_another() {
+    let root = tempfile::tempdir().unwrap();
+    let (whole, part) = (root.path().join("data/whole"), root.path().join("data/whole-2"));
+    write_sequence(&whole, 6);
+    std::fs::write(whole.join("tags.txt"), "slow").unwrap();
+    std::fs::write(whole.join("out_of_view.txt"), "0 0 1 0 0 0").unwrap();
+    let dense: String = (0..6).map(|i| format!("{i},{i},2\n")).collect();
+    std::fs::write(whole.join(DENSE_FILE), &dense).unwrap();
+    std::fs::create_dir(&part).unwrap();
+    let say = |meta: &str| std::fs::write(part.join("meta.json"), meta).unwrap();
+    say(r#"{"frames_of": "whole", "step": 2, "tags": ["level-2"]}"#);
+    let data = load_all(&root.path().join("data"));
+    assert_eq!(ids(&data), ["data/whole", "data/whole-2"]);
+    let (a, b) = (&data.sequences[0], &data.sequences[1]);
+    assert_eq!(
+        (b.len(), b.tags(), b.absent(), b.path()),
+        (3, &["level-2".to_string()][..], 1, &*part)
+    );
+    for i in [0, 2] {
+        assert_eq!(b.frame_name(i), a.frame_name(2 * i));
+        assert_eq!(
+            (b.truth(i), b.dense_truth(i)),
+            (a.truth(2 * i), a.dense_truth(2 * i))
+        );
+        assert_eq!(
+            b.read(i, false).unwrap().gray(),
+            a.read(2 * i, false).unwrap().gray()
+        );
+    }
+    assert_eq!(b.truth(1), None);
+    assert_eq!(b.fingerprint(), a.with_gap(2).fingerprint());
+    // By itself, and thinned further.
+    let options = LoadOptions {
+        frame_gap: 2,
+        ..LoadOptions::default()
+    };
+    let alone = load(&part, &options).unwrap();
+    assert_eq!(ids(&alone), ["data/whole-2"]);
+    assert_eq!(alone.sequences[0].frame_name(1), a.frame_name(4));
+
+    for (meta, word) in [
+        (r#"{"frames_of": "other"}"#, "other"),
+        (r#"{"frames_of": "whole-2"}"#, "whole-2"),
+        (r#"{"frames_of": 3}"#, "frames_of: 3"),
+        (r#"{"frames_of": "whole", "step": 0}"#, "step: 0"),
+        (r#"{"frames_of": "whole", "step": "2"}"#, "step"),
+    ] {
+        say(meta);
+        let fault = load(&root.path().join("data"), &LoadOptions::default())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            fault.contains("whole-2/meta.json") && fault.contains(word),
+            "{fault}"
+        );
+        let skip = LoadOptions {
+            on_bad_data: OnBadData::Skip,
+            ..LoadOptions::default()
+        };
+        let rest = load(&root.path().join("data"), &skip).unwrap();
+        assert_eq!(
+            (ids(&rest), rest.left_out.len()),
+            (vec!["data/whole".to_string()], 1)
+        );
+    }
+}
+
+#[test]
 fn the_fingerprint_is_of_the_data_alone() {
     let root = tempfile::tempdir().unwrap();
     let (a, b) = (root.path().join("a"), root.path().join("elsewhere/b"));

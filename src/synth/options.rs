@@ -60,6 +60,10 @@ pub const OPTIONS: &[SynthOption] = &[
     option("noise", |s| s.noise.to_string(), |s, v| put(&mut s.noise, number(v, 0.0, 255.0))),
     option("blur", |s| s.blur.to_string(), |s, v| put(&mut s.blur, number(v, 0.0, 4.0))),
     option("occlude", |s| s.occlude.to_string(), |s, v| put(&mut s.occlude, number(v, 0.0, 0.95))),
+    option("glare", |s| s.glare.to_string(), |s, v| put(&mut s.glare, number(v, 0.0, 1e3))),
+    option("exposure", |s| s.exposure.to_string(), |s, v| put(&mut s.exposure, number(v, 1.0, 100.0))),
+    option("photons", |s| s.photons.to_string(), |s, v| put(&mut s.photons, number(v, 0.0, 1e9))),
+    option("twin", |s| s.twin.to_string(), |s, v| put(&mut s.twin, number(v, 0.0, 100.0))),
     option("seed", |s| s.seed.to_string(),
         |s, v| put(&mut s.seed, v.parse().map_err(|_| "not a whole number".into()))),
     option("quality", |s| s.quality.to_string(), |s, v| put(&mut s.quality, integer(v, 1, 100).map(|q| q as u8))),
@@ -117,27 +121,49 @@ impl SynthSpec {
     /// # Errors
     /// [`SynthError::BadCommand`], and those of [`SynthSpec::set`].
     pub fn parse_command(line: &str) -> Result<(String, SynthSpec), SynthError> {
+        let command = Command::parse(line)?;
+        let mut spec = SynthSpec::default();
+        for (name, value) in &command.options {
+            spec.set(name, value)?;
+        }
+        Ok((command.out, spec))
+    }
+}
+
+/// A recorded command in its parts.
+pub(super) struct Command {
+    /// The output folder.
+    pub out: String,
+    /// Names, without dashes, and values.
+    pub options: Vec<(String, String)>,
+}
+
+impl Command {
+    /// Takes `mtf-eval synth OUT --name value ...` apart.
+    pub fn parse(line: &str) -> Result<Self, SynthError> {
         let bad = || SynthError::BadCommand(line.into());
         let words = split(line).ok_or_else(bad)?;
-        let mut words = words.iter().map(String::as_str);
-        if words.next() != Some("mtf-eval") || words.next() != Some("synth") {
+        let mut words = words.into_iter();
+        if words.next().as_deref() != Some("mtf-eval") || words.next().as_deref() != Some("synth") {
             return Err(bad());
         }
-        let out = words
-            .next()
-            .filter(|o| !o.starts_with("--"))
-            .ok_or_else(bad)?
-            .to_string();
-        let mut spec = SynthSpec::default();
+        let out = words.next().filter(|o| !o.starts_with("--")).ok_or_else(bad)?;
+        let mut options = Vec::new();
         while let Some(word) = words.next() {
             let name = word.strip_prefix("--").ok_or_else(bad)?;
-            if name == "allow-outside" {
-                spec.set(name, "true")?;
-            } else {
-                spec.set(name, words.next().ok_or_else(bad)?)?;
-            }
+            let value = match name {
+                "allow-outside" => "true".into(),
+                _ => words.next().ok_or_else(bad)?,
+            };
+            options.push((name.to_string(), value));
         }
-        Ok((out, spec))
+        Ok(Command { out, options })
+    }
+
+    /// The value of the option `name`.
+    pub fn value(&self, name: &str) -> Option<&str> {
+        let option = self.options.iter().find(|(n, _)| n == name)?;
+        Some(&option.1)
     }
 }
 
@@ -315,7 +341,7 @@ fn light_text(l: &Light) -> String {
     parts.join(",")
 }
 
-fn tags(text: &str) -> Result<Vec<String>, String> {
+pub(super) fn tags(text: &str) -> Result<Vec<String>, String> {
     let plain = |t: &str| !t.is_empty() && t.chars().all(|c| c.is_ascii_alphanumeric() || "-_".contains(c));
     let list: Vec<String> = text
         .split(',')
@@ -329,7 +355,7 @@ fn tags(text: &str) -> Result<Vec<String>, String> {
     }
 }
 
-fn quoted(word: &str) -> String {
+pub(super) fn quoted(word: &str) -> String {
     let safe = |c: char| c.is_alphanumeric() || "-_./=,:+".contains(c);
     if !word.is_empty() && word.chars().all(safe) {
         word.into()

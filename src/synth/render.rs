@@ -5,14 +5,18 @@
 
 use super::bend::{self, Bend};
 use super::canvas::length;
+use super::exposure;
+use super::glare::Glare;
 use super::light::Lighting;
 use super::motion::{Curves, Pose, shift};
 use super::occlude::{self, Occluder};
+use super::photons;
 use super::random::Random;
 use super::spec::{Background, Mode, Source, SynthError, SynthSpec};
 use super::surface::Surface;
 use super::texture;
 use super::trajectory::{Trajectory, affine_misfit, project};
+use super::twin::Twin;
 use crate::files;
 use image::RgbImage;
 use mtf::geom::{Corners, Mat3, homography};
@@ -29,6 +33,10 @@ pub struct Scene {
     patches: Vec<Surface>,
     lighting: Option<Lighting>,
     bend: Option<Bend>,
+    glare: Option<Glare>,
+    /// Factor of each frame; empty: none.
+    exposure: Vec<f64>,
+    twin: Option<Twin>,
 }
 
 /// A surface at one instant.
@@ -52,7 +60,11 @@ const STREAM_PATH: u64 = 2;
 const STREAM_LIGHT: u64 = 3;
 const STREAM_PAN: u64 = 4;
 const STREAM_OCCLUDE: u64 = 5;
+const STREAM_GLARE: u64 = 6;
+const STREAM_EXPOSURE: u64 = 7;
+const STREAM_TWIN: u64 = 8;
 const STREAM_NOISE: u64 = 1 << 40;
+const STREAM_PHOTONS: u64 = 1 << 41;
 
 /// Points of the grid of dense truth per side.
 const DENSE_SIDE: usize = 10;
@@ -111,6 +123,11 @@ impl Scene {
                 bend::MOST * spec.object[0]
             )));
         }
+        if spec.twin > 0.0 && spec.background == Background::Same {
+            return Err(SynthError::Impossible(
+                "--twin needs a --background behind the object; with `same` its plane has no end".into(),
+            ));
+        }
         let path = Trajectory::new(spec, &mut Random::new(spec.seed, STREAM_PATH))?;
         let image = load(&spec.source, spec.seed)?;
         let [w, h] = spec.size.map(|n| n as f64);
@@ -153,6 +170,9 @@ impl Scene {
                 width: spec.object[0],
                 frames: spec.frames,
             }),
+            glare: Glare::new(spec, &mut Random::new(spec.seed, STREAM_GLARE)),
+            exposure: exposure::factors(spec, &mut Random::new(spec.seed, STREAM_EXPOSURE)),
+            twin: Twin::new(spec, &mut Random::new(spec.seed, STREAM_TWIN)),
             spec: spec.clone(),
             path,
             object,
@@ -208,6 +228,19 @@ impl Scene {
         [self.path.mean_speed(self.len()), self.path.max_speed(self.len())]
     }
 
+    /// Fraction of the object that lies in the image in frame `i`, covered or not, from a 48 x 48 grid over it.
+    pub fn inside(&self, i: usize) -> f64 {
+        const N: usize = 48;
+        let placed = self.path.placed(i as f64);
+        let at = |k: usize, n: f64| ((k as f64 + 0.5) / N as f64 - 0.5) * n;
+        let [w, h] = self.spec.object;
+        let seen = (0..N * N).filter(|k| {
+            let p = project(&placed, [at(k % N, w), at(k / N, h)]);
+            p.is_some_and(|p| (0..2).all(|c| (-0.5..=self.spec.size[c] as f64 - 0.5).contains(&p[c])))
+        });
+        seen.count() as f64 / (N * N) as f64
+    }
+
     /// Fraction of the object covered by crossing patches in frame `i`.
     pub fn covered(&self, i: usize) -> f64 {
         occlude::covered(&self.occluders, &self.path, self.spec.object, i as f64)
@@ -234,9 +267,14 @@ impl Scene {
         let samples = self.samples(&instants[0], instants.len());
         let light = self.lighting.as_ref().map(|l| l.at(i as f64));
         let object_only = self.lighting.as_ref().is_some_and(Lighting::object_only);
+        let centre = self.path.corners(i as f64).centroid();
+        let glare = self.glare.as_ref().map(|g| g.at(i as f64, centre));
+        let exposure = self.exposure.get(i).copied();
         let mut image = RgbImage::new(width as u32, height as u32);
         image.par_chunks_mut(3 * width).enumerate().for_each(|(y, row)| {
-            let mut noise = Random::new(self.spec.seed, STREAM_NOISE + (i * height + y) as u64);
+            let stream = |first: u64| Random::new(self.spec.seed, first + (i * height + y) as u64);
+            let mut noise = stream(STREAM_NOISE);
+            let mut photons = stream(STREAM_PHOTONS);
             for (x, out) in row.chunks_exact_mut(3).enumerate() {
                 let (mut colour, on_object) = pixel(&instants, x as f64, y as f64, samples);
                 if let Some(light) = &light {
@@ -244,11 +282,21 @@ impl Scene {
                     let share = if object_only { on_object } else { 1.0 };
                     colour = colour.map(|v| v + share * ((factor - 1.0) * v + bias));
                 }
-                let noise = if self.spec.noise > 0.0 {
+                if let Some(glare) = glare.as_ref().filter(|_| on_object > 0.0) {
+                    let added = on_object * glare.local(x as f64, y as f64);
+                    colour = colour.map(|v| v + added);
+                }
+                if let Some(factor) = exposure {
+                    colour = colour.map(|v| factor * v);
+                }
+                let mut noise = if self.spec.noise > 0.0 {
                     self.spec.noise * noise.normal()
                 } else {
                     0.0
                 };
+                if self.spec.photons > 0.0 {
+                    noise += photons::noise(self.spec.photons, colour, &mut photons);
+                }
                 for (o, v) in out.iter_mut().zip(colour) {
                     *o = (v + noise).round().clamp(0.0, 255.0) as u8;
                 }
@@ -281,7 +329,7 @@ impl Scene {
 
     /// Surfaces at time `t`, nearest first.
     fn layers<'a>(&'a self, t: f64) -> Vec<Layer<'a>> {
-        let mut layers = Vec::with_capacity(4);
+        let mut layers = Vec::with_capacity(5);
         let mut add = |surface: &'a Surface, placed: Mat3, half: Option<[f64; 2]>, object: bool| {
             let Some(sheet) = placed.try_inverse() else { return };
             let bend = self.bend.filter(|_| object).map(|b| (b, b.amount(t)));
@@ -306,6 +354,10 @@ impl Scene {
         let half = self.spec.object.map(|n| n / 2.0 + self.spec.margin);
         let whole = self.spec.background == Background::Same;
         add(&self.object, self.path.placed(t), (!whole).then_some(half), true);
+        if let Some(twin) = self.twin {
+            let [x, y] = twin.offset(t);
+            add(&self.object, shift(x, y) * self.path.placed(t), Some(half), false);
+        }
         if let Some(background) = &self.background {
             let placed = if self.spec.background == Background::Still {
                 self.path.placed(0.0)

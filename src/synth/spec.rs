@@ -185,6 +185,14 @@ pub struct SynthSpec {
     pub blur: f64,
     /// Greatest fraction of the object covered by patches that cross it; none in the first frame.
     pub occlude: f64,
+    /// Intensity (0–255) that the middle of a specular highlight adds; 0: none.
+    pub glare: f64,
+    /// Greatest factor by which the exposure jumps (its inverse is the least); 1: none.
+    pub exposure: f64,
+    /// Electrons that intensity 255 frees in a pixel: photon noise; 0: none.
+    pub photons: f64,
+    /// Distance of an identical second object in boxes; 0: there is none.
+    pub twin: f64,
     /// Seed of all randomness.
     pub seed: u64,
     /// JPEG quality 1..100.
@@ -235,6 +243,10 @@ impl Default for SynthSpec {
             noise: 0.0,
             blur: 0.0,
             occlude: 0.0,
+            glare: 0.0,
+            exposure: 1.0,
+            photons: 0.0,
+            twin: 0.0,
             seed: 1,
             quality: 95,
             format: FileType::Jpeg,

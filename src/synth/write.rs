@@ -1,4 +1,5 @@
-//! Sequence folders: frames, `groundtruth.txt`, `groundtruth_grid.csv` (of sheets that bend), `meta.json`.
+//! Sequence folders: frames, `groundtruth.txt`, `groundtruth_grid.csv` (of sheets that bend), `out_of_view.txt` (of objects
+//! that leave the image), `meta.json`.
 
 use super::render::{Scene, render_sequence};
 use super::spec::{FileType, SynthError, SynthSpec};
@@ -77,6 +78,20 @@ pub fn dense_ground_truth(scene: &Scene, file_type: FileType) -> Option<String> 
     Some(separated(b',', std::iter::once(header).chain(rows)))
 }
 
+/// File that says where the object has left the image.
+const AWAY_FILE: &str = "out_of_view.txt";
+
+/// Least part of the object that lies in the image where it counts as seen.
+const LEAST_INSIDE: f64 = 0.1;
+
+/// Text of `out_of_view.txt`: a line per frame, 1 where less than a tenth of the object lies in the image, else 0; `None`
+/// when it never leaves.
+pub fn out_of_view(scene: &Scene) -> Option<String> {
+    let away: Vec<bool> = (0..scene.len()).map(|i| scene.inside(i) < LEAST_INSIDE).collect();
+    let line = |away: &bool| if *away { "1\n" } else { "0\n" };
+    away.contains(&true).then(|| away.iter().map(line).collect())
+}
+
 /// Rows of cells as text.
 fn separated(delimiter: u8, rows: impl Iterator<Item = Vec<String>>) -> String {
     let mut out = csv::WriterBuilder::new()
@@ -110,14 +125,37 @@ pub fn metadata(name: &str, spec: &SynthSpec, scene: &Scene) -> String {
     format!("{meta:#}\n")
 }
 
-/// Removes `frameNNNNN.jpg` and `.png`, and dense truth: those of an earlier sequence must not outlive its ground truth.
+/// Makes the folder `dir` of a sequence, with `force` without the files of an earlier one; the name of the sequence.
+///
+/// # Errors
+/// [`SynthError::NotEmpty`] when `dir` holds anything and `force` is false, [`SynthError::Write`].
+pub(super) fn make_folder(dir: &Path, force: bool) -> Result<String, SynthError> {
+    let failed = |e: std::io::Error| SynthError::Write {
+        path: dir.to_path_buf(),
+        reason: e.to_string(),
+    };
+    std::fs::create_dir_all(dir).map_err(failed)?;
+    if force {
+        remove_earlier(dir).map_err(failed)?;
+    } else if std::fs::read_dir(dir).map_err(failed)?.next().is_some() {
+        return Err(SynthError::NotEmpty(dir.to_path_buf()));
+    }
+    let called = std::path::absolute(dir).unwrap_or_else(|_| dir.to_path_buf());
+    let name = called.file_name();
+    Ok(name.map_or("sequence".into(), |n| n.to_string_lossy().into_owned()))
+}
+
+/// Removes `frameNNNNN.jpg` and `.png`, and texts of truth.
 fn remove_earlier(dir: &Path) -> std::io::Result<()> {
     for entry in std::fs::read_dir(dir)? {
         let name = entry?.file_name().to_string_lossy().into_owned();
         let number = name
             .strip_prefix("frame")
             .and_then(|n| n.strip_suffix(".jpg").or(n.strip_suffix(".png")));
-        if name == DENSE_FILE || number.is_some_and(|n| n.len() == 5 && n.bytes().all(|b| b.is_ascii_digit()))
+        if name == "groundtruth.txt"
+            || name == DENSE_FILE
+            || name == AWAY_FILE
+            || number.is_some_and(|n| n.len() == 5 && n.bytes().all(|b| b.is_ascii_digit()))
         {
             std::fs::remove_file(dir.join(name))?;
         }
@@ -137,19 +175,12 @@ pub fn write_sequence(spec: &SynthSpec, dir: &Path, force: bool) -> Result<Writt
         reason,
     };
     let scene = render_sequence(spec)?;
-    std::fs::create_dir_all(dir).map_err(|e| failed(dir, e.to_string()))?;
-    let mut inside = std::fs::read_dir(dir).map_err(|e| failed(dir, e.to_string()))?;
-    if inside.next().is_some() && !force {
-        return Err(SynthError::NotEmpty(dir.to_path_buf()));
-    }
+    let name = make_folder(dir, force)?;
     let save = |name: &str, bytes: &[u8]| {
         let path = dir.join(name);
         std::fs::write(&path, bytes).map_err(|e| failed(&path, e.to_string()))?;
         Ok(bytes.len() as u64)
     };
-    if force {
-        remove_earlier(dir).map_err(|e| failed(dir, e.to_string()))?;
-    }
     let frame = |i: usize| {
         let name = frame_name(i, spec.format);
         let bytes = encode(&scene.frame(i), spec).map_err(|e| failed(&dir.join(&name), e))?;
@@ -160,13 +191,12 @@ pub fn write_sequence(spec: &SynthSpec, dir: &Path, force: bool) -> Result<Writt
         .map(frame)
         .sum::<Result<u64, SynthError>>()?;
     // The texts come last: a folder with ground truth is complete.
-    let called = std::path::absolute(dir).unwrap_or_else(|_| dir.to_path_buf());
-    let name = called
-        .file_name()
-        .map_or("sequence".into(), |n| n.to_string_lossy().into_owned());
     bytes += save("meta.json", metadata(&name, spec, &scene).as_bytes())?;
     if let Some(text) = dense_ground_truth(&scene, spec.format) {
         bytes += save(DENSE_FILE, text.as_bytes())?;
+    }
+    if let Some(text) = out_of_view(&scene) {
+        bytes += save(AWAY_FILE, text.as_bytes())?;
     }
     bytes += save("groundtruth.txt", ground_truth(&scene, spec.format).as_bytes())?;
     let [mean_speed, max_speed] = scene.speed();
