@@ -9,6 +9,7 @@ mod best;
 mod cli;
 mod compare;
 mod composites;
+mod convert;
 #[allow(dead_code)]
 #[path = "../examples/custom_am.rs"]
 mod custom_am;
@@ -62,6 +63,7 @@ fn main() -> std::process::ExitCode {
         cli::TESTS,
         compare::TESTS,
         composites::TESTS,
+        convert::TESTS,
         extending_format::TESTS,
         examples::TESTS,
         extending_metric_exporter::TESTS,
