@@ -16,6 +16,15 @@ pub struct Kind {
 }
 
 impl Kind {
+    /// Refuses so many bytes where that is more than one of its kind can have.
+    pub(crate) fn within(self, bytes: u64) -> Result<(), Refused> {
+        let Kind { about, most } = self;
+        match bytes > most {
+            true => Err(Refused::TooLarge { bytes, most, about }),
+            false => Ok(()),
+        }
+    }
+
     /// An image: 512 MiB. The largest that is decoded has 2^26 pixels, which take 8 bytes each with R, G, B and alpha of 16
     /// bits.
     pub const IMAGE: Kind = Kind {
@@ -114,7 +123,7 @@ pub fn read(path: &Path, kind: Kind) -> io::Result<Vec<u8>> {
     bytes.try_reserve_exact(meta.len() as usize)?;
     // It may grow while it is read, and some systems' own files have a size of 0.
     file.take(kind.most + 1).read_to_end(&mut bytes)?;
-    within(bytes.len() as u64, kind)?;
+    kind.within(bytes.len() as u64)?;
     Ok(bytes)
 }
 
@@ -156,14 +165,7 @@ pub fn read_text(path: &Path, kind: Kind) -> io::Result<String> {
 fn check(meta: &Metadata, kind: Kind) -> Result<(), Refused> {
     match irregular(meta.file_type()) {
         Some(what) => Err(Refused::Irregular(what)),
-        None => within(meta.len(), kind),
-    }
-}
-
-fn within(bytes: u64, Kind { about, most }: Kind) -> Result<(), Refused> {
-    match bytes > most {
-        true => Err(Refused::TooLarge { bytes, most, about }),
-        false => Ok(()),
+        None => kind.within(meta.len()),
     }
 }
 

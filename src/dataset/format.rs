@@ -15,6 +15,7 @@ mod vot;
 
 use super::annotation::{Annotations, Location};
 use super::decode::is_image_name;
+use super::movie::film_stem;
 use super::order::sort_frames;
 use super::storage::{File, Folder, Listing};
 use super::{DatasetError, DatasetErrorKind};
@@ -233,9 +234,15 @@ impl Place {
         &self.listing.dead
     }
 
-    /// The image files in it, in natural order of names, decimal numbers by their values.
+    /// The image files in it, in natural order of names, decimal numbers by their values; without any, the film, if there is
+    /// one alone.
     pub fn images(&self) -> Vec<File> {
         images(self.files())
+    }
+
+    /// The image files in it, in that order.
+    pub(in crate::dataset) fn still_images(&self) -> Vec<File> {
+        still_images(self.files())
     }
 
     /// The image files in it or, if there are none, in the first of its folders that has one of `names`; and the name
@@ -268,6 +275,15 @@ impl Place {
 }
 
 fn images(files: &[File]) -> Vec<File> {
+    let images = still_images(files);
+    let mut films = files.iter().filter(|file| film_stem(file.name()).is_some());
+    match (images.is_empty(), films.next(), films.next()) {
+        (true, Some(film), None) => vec![film.clone()],
+        _ => images,
+    }
+}
+
+fn still_images(files: &[File]) -> Vec<File> {
     let images = files.iter().filter(|file| is_image_name(file.name()));
     let mut images: Vec<File> = images.cloned().collect();
     sort_frames(&mut images, File::name);

@@ -2,7 +2,7 @@
 
 use super::{Description, Format, Found, Place};
 use crate::dataset::DatasetError;
-use crate::dataset::movie::Movie;
+use crate::dataset::movie::{Movie, film_stem};
 use crate::dataset::names::stem;
 use crate::dataset::storage::File;
 
@@ -13,8 +13,8 @@ impl Format for Film {
     fn describe(&self) -> Description {
         Description {
             name: "film",
-            summary: "films, each a file with several pictures: animated GIF or PNG, pages of TIFF",
-            layout: "`SEQ.gif`, `SEQ.png` or `SEQ.tif` with several pictures and `SEQ.txt` beside it",
+            summary: "films, each a file with several pictures: Motion-JPEG AVI, animated GIF or PNG, pages of TIFF",
+            layout: "`SEQ.avi`, `SEQ.gif`, `SEQ.png` or `SEQ.tif` with several pictures and `SEQ.txt` beside it",
             conventions: "corners as UL UR LR LL, origin 0 (pixel centres at integers), a row per picture in order; or boxes as \
                           x y w h, origin 0.5 (at the corner of the first pixel)",
         }
@@ -27,7 +27,9 @@ impl Format for Film {
     /// Looks into files that have a text file of their name beside them.
     fn recognise(&self, place: &Place) -> Result<Vec<Found>, DatasetError> {
         let found = |film: File| {
-            let name = stem(film.name()).to_owned();
+            let name = film_stem(film.name())
+                .unwrap_or_else(|| stem(film.name()))
+                .to_owned();
             let truth = place.file(&format!("{name}.txt"))?.clone();
             Some(Found {
                 name,
@@ -35,7 +37,17 @@ impl Format for Film {
                 truth: vec![truth],
             })
         };
-        let found: Vec<Found> = place.images().into_iter().filter_map(found).collect();
+        let films = place
+            .files()
+            .iter()
+            .filter(|file| film_stem(file.name()).is_some())
+            .cloned();
+        let found: Vec<Found> = place
+            .still_images()
+            .into_iter()
+            .chain(films)
+            .filter_map(found)
+            .collect();
         // A damaged one is a film, too.
         let is_film = |found: &Found| !matches!(Movie::of(&found.frames[0]), Ok(None));
         Ok(match found.iter().all(is_film) {

@@ -1,14 +1,14 @@
 //! Animations, decoded one picture ahead.
 
-use super::Pictures;
+use super::{Picture, Pictures};
 use crate::dataset::decode::ImageError;
 use crate::dataset::decode::other::error_of;
 use crate::panics;
-use image::{DynamicImage, Frames};
+use image::Frames;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 
-type Next = Result<DynamicImage, ImageError>;
+type Next = Result<Picture, ImageError>;
 
 /// Pictures from a thread of their own: the decoders of animations cannot be handed from thread to thread.
 pub(super) struct Ahead {
@@ -51,7 +51,7 @@ fn send_all(
         }
     };
     for frame in frames {
-        let picture = frame.map(|frame| frame.into_buffer().into());
+        let picture = frame.map(|frame| Picture::Decoded(frame.into_buffer().into()));
         let last = picture.is_err();
         if sender.send(picture.map_err(|e| error_of(format, e))).is_err() || last {
             return;

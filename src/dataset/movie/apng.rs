@@ -14,7 +14,7 @@ const NAME: &str = "PNG";
 
 pub(super) const KIND: MovieKind = MovieKind {
     name: NAME,
-    format: ImageFormat::Png,
+    recognises: |magic| image::guess_format(magic).is_ok_and(|format| format == ImageFormat::Png),
     count,
     head,
     open: |stream, _| {

@@ -12,7 +12,7 @@ const NAME: &str = "GIF";
 
 pub(super) const KIND: MovieKind = MovieKind {
     name: NAME,
-    format: ImageFormat::Gif,
+    recognises: |magic| image::guess_format(magic).is_ok_and(|format| format == ImageFormat::Gif),
     count,
     head,
     open: |stream, _| {

@@ -1,4 +1,4 @@
-//! Files with several pictures, each a frame: pages of a TIFF file, an animated GIF or PNG file.
+//! Files with several pictures, each a frame: pages of a TIFF file, an animated GIF or PNG file, a Motion-JPEG film.
 //!
 //! A kind of such files is a file here and a line in [`KINDS`]. Pictures are decoded one after the other as frames are
 //! asked for, and none is kept, so that a long film takes no more memory than a short one. Depends on decoding and on where
@@ -6,14 +6,15 @@
 
 mod ahead;
 mod apng;
+mod avi;
 mod gif;
 mod tiff;
 
 use super::DatasetError;
 use super::decode::other::{error_of, pixels};
-use super::decode::{Depth16, ImageError, MAX_PIXELS, Remark};
+use super::decode::{Depth16, ImageError, MAX_PIXELS, Remark, decode_by};
 use super::storage::{File, Stream};
-use image::{DynamicImage, ImageFormat, Limits};
+use image::{DynamicImage, Limits};
 use mtf::image::Pixels;
 use std::hash::Hasher;
 use std::io::{Cursor, Read};
@@ -24,8 +25,8 @@ use twox_hash::XxHash64;
 struct MovieKind {
     /// Name in messages.
     name: &'static str,
-    /// What the first bytes are recognised as.
-    format: ImageFormat,
+    /// Whether the first bytes are those of such a file.
+    recognises: fn(&[u8]) -> bool,
     /// Number of pictures, counted up to `most` without decoding any.
     count: fn(&mut dyn Stream, most: usize) -> Result<usize, image::ImageError>,
     /// What is known of the pictures without decoding any.
@@ -43,10 +44,18 @@ struct Head {
     remarks: Vec<Remark>,
 }
 
+/// A picture.
+enum Picture {
+    /// Its pixels.
+    Decoded(DynamicImage),
+    /// An image file of its own.
+    Coded(Vec<u8>),
+}
+
 /// The pictures of a file, one after the other.
 trait Pictures: Send {
     /// The next one, upright.
-    fn next(&mut self) -> Result<DynamicImage, ImageError>;
+    fn next(&mut self) -> Result<Picture, ImageError>;
 
     /// Passes over the next one.
     fn skip(&mut self) -> Result<(), ImageError> {
@@ -55,7 +64,19 @@ trait Pictures: Send {
 }
 
 /// Every kind.
-const KINDS: &[MovieKind] = &[tiff::KIND, gif::KIND, apng::KIND];
+const KINDS: &[MovieKind] = &[tiff::KIND, gif::KIND, apng::KIND, avi::KIND];
+
+/// Extensions of films that are no images.
+const EXTENSIONS: &[&str] = &["avi"];
+
+/// Whether a file of this name is taken for a film, and its name without the extension.
+pub(super) fn film_stem(name: &str) -> Option<&str> {
+    let (stem, extension) = name.rsplit_once('.')?;
+    EXTENSIONS
+        .iter()
+        .any(|e| e.eq_ignore_ascii_case(extension))
+        .then_some(stem)
+}
 
 /// First bytes of a file that tell its kind.
 const MAGIC: usize = 32;
@@ -71,8 +92,7 @@ fn limits() -> Limits {
 }
 
 fn kind_of(magic: &[u8]) -> Option<&'static MovieKind> {
-    let format = image::guess_format(magic).ok()?;
-    KINDS.iter().find(|kind| kind.format == format)
+    KINDS.iter().find(|kind| (kind.recognises)(magic))
 }
 
 /// Whether there are more pictures in `bytes` than the first.
@@ -122,8 +142,11 @@ impl Movie {
         };
         let count =
             |most| (kind.count)(file.open()?.as_mut(), most).map_err(|e| fault(file, error_of(kind.name, e)));
-        if !count(2).is_ok_and(|n| n > 1) {
-            return Ok(None);
+        match count(2) {
+            Ok(2..) => {}
+            // What is called like a film can be nothing else.
+            Err(e) if film_stem(file.name()).is_some() => return Err(e),
+            _ => return Ok(None),
         }
         Ok(Some(Movie {
             pictures: count(usize::MAX)?,
@@ -168,12 +191,15 @@ impl Movie {
             }
         };
         let image = reader.and_then(|reader| self.advance(reader, picture, wanted));
-        let pixels = image.and_then(|image| pixels(self.kind.name, image, colour, depth));
+        let pixels = image.and_then(|image| match image {
+            Picture::Decoded(image) => pixels(self.kind.name, image, colour, depth),
+            Picture::Coded(bytes) => decode_by(&bytes, colour, depth),
+        });
         pixels.map_err(|e| fault(&self.file.picture(picture + 1), e))
     }
 
     /// The picture, of a reader that stands before it; keeps the reader for the next one.
-    fn advance(&self, mut reader: Reader, picture: usize, wanted: bool) -> Result<DynamicImage, ImageError> {
+    fn advance(&self, mut reader: Reader, picture: usize, wanted: bool) -> Result<Picture, ImageError> {
         while reader.next < picture {
             reader.pictures.skip()?;
             reader.next += 1;

@@ -320,3 +320,99 @@ proptest! {
         let _ = read_all(name, &bytes);
     }
 }
+
+/// A chunk of an AVI file.
+fn chunk(name: &[u8; 4], content: &[u8]) -> Vec<u8> {
+    let padding: &[u8] = if content.len() % 2 == 1 { &[0] } else { &[] };
+    [name, &(content.len() as u32).to_le_bytes()[..], content, padding].concat()
+}
+
+fn list(outer: &[u8; 4], name: &[u8; 4], chunks: &[Vec<u8>]) -> Vec<u8> {
+    chunk(outer, &[&name[..], &chunks.concat()].concat())
+}
+
+/// Picture `k` as JPEG.
+fn jpeg(k: usize) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let encoder = jpeg_encoder::Encoder::new(&mut bytes, 95);
+    encoder
+        .encode(
+            &shades(k),
+            WIDTH as u16,
+            HEIGHT as u16,
+            jpeg_encoder::ColorType::Luma,
+        )
+        .unwrap();
+    bytes
+}
+
+/// A film of sound and pictures in the coding `coding`, the pictures in two lists as in long films.
+fn avi_of(pictures: &[Vec<u8>], coding: &[u8; 4], height: usize) -> Vec<u8> {
+    let strh = |kind: &[u8; 4]| chunk(b"strh", &[&kind[..], coding, &[0; 48]].concat());
+    let bitmap = [40u32, WIDTH as u32, height as u32, 1 | 24 << 16];
+    let mut strf: Vec<u8> = bitmap.iter().flat_map(|v| v.to_le_bytes()).collect();
+    strf.extend(coding);
+    strf.extend([0; 20]);
+    let stream = |kind: &[u8; 4], strf: &[u8]| list(b"LIST", b"strl", &[strh(kind), chunk(b"strf", strf)]);
+    let header = list(
+        b"LIST",
+        b"hdrl",
+        &[
+            chunk(b"avih", &[0; 56]),
+            stream(b"auds", &[0; 18]),
+            stream(b"vids", &strf),
+        ],
+    );
+    let (first, second) = pictures.split_at(pictures.len() / 2);
+    let movi = |pictures: &[Vec<u8>]| {
+        let sound = chunk(b"00wb", &[1, 2, 3]);
+        let chunks = pictures
+            .iter()
+            .map(|p| [sound.clone(), chunk(b"01dc", p)].concat());
+        list(b"LIST", b"movi", &chunks.collect::<Vec<_>>())
+    };
+    [
+        list(b"RIFF", b"AVI ", &[header, movi(first)]),
+        list(b"RIFF", b"AVIX", &[movi(second)]),
+    ]
+    .concat()
+}
+
+#[test]
+fn pictures_of_an_avi_are_its_jpegs() {
+    let pictures: Vec<Vec<u8>> = (0..5).map(jpeg).collect();
+    let film = |bytes: &[u8]| movie("f.avi", bytes);
+    let found = film(&avi_of(&pictures, b"MJPG", HEIGHT)).unwrap().unwrap();
+    assert_eq!((found.size(), found.frames().len()), ((WIDTH, HEIGHT), 5));
+    for k in [0, 1, 4, 2, 2] {
+        let expected = decode_by(&pictures[k], false, Depth16::default()).unwrap();
+        assert_eq!(gray(&found, k), expected.gray(), "{k}");
+    }
+    // A picture without bytes is the one before it once more.
+    let mut twice = pictures.clone();
+    twice[3].clear();
+    let found = film(&avi_of(&twice, b"mjpg", HEIGHT)).unwrap().unwrap();
+    assert_eq!(gray(&found, 3), gray(&found, 2));
+    // What cannot be read is told by what it is.
+    let refused = |bytes: &[u8]| film(bytes).unwrap_err().to_string();
+    let other = refused(&avi_of(&pictures, b"H264", HEIGHT));
+    assert!(other.contains("coded as H264, not as Motion-JPEG"), "{other}");
+    let interlaced = refused(&avi_of(&pictures, b"MJPG", 2 * HEIGHT));
+    assert!(interlaced.contains("interlaced"), "{interlaced}");
+}
+
+proptest! {
+    #[test]
+    fn damaged_films_are_faults_or_films(cut in 0usize..4000, at in 0usize..400, value: u8) {
+        let mut bytes = avi_of(&(0..4).map(jpeg).collect::<Vec<_>>(), b"MJPG", HEIGHT);
+        bytes.truncate(bytes.len().saturating_sub(cut));
+        if let Some(byte) = bytes.get_mut(at) {
+            *byte = value;
+        }
+        if let Ok(Some(movie)) = movie("f.avi", &bytes) {
+            for k in 0..movie.frames().len() {
+                let _ = movie.read(k, true, Depth16::default(), true);
+            }
+        }
+    }
+}

@@ -1,11 +1,11 @@
 //! Pages of a TIFF file, each read as if it were the first: the header leads to it.
 
-use super::{Head, MovieKind, Pictures, Stream};
+use super::{Head, MovieKind, Picture, Pictures, Stream};
 use crate::dataset::decode::other::{error_of, remarks_of, size_of, upright};
 use crate::dataset::decode::{ImageError, Remark};
 use image::codecs::tiff::TiffDecoder;
 use image::error::DecodingError;
-use image::{DynamicImage, ImageDecoder, ImageError as Error, ImageFormat};
+use image::{ImageDecoder, ImageError as Error, ImageFormat};
 use std::collections::{BTreeSet, HashSet};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use tiff::TiffError;
@@ -15,7 +15,7 @@ const NAME: &str = "TIFF";
 
 pub(super) const KIND: MovieKind = MovieKind {
     name: NAME,
-    format: ImageFormat::Tiff,
+    recognises: |magic| image::guess_format(magic).is_ok_and(|format| format == ImageFormat::Tiff),
     count: |stream, most| Ok(directories(stream, most)?.len()),
     head,
     open: |mut stream, from| {
@@ -88,14 +88,14 @@ struct Pages {
 }
 
 impl Pictures for Pages {
-    fn next(&mut self) -> Result<DynamicImage, ImageError> {
+    fn next(&mut self) -> Result<Picture, ImageError> {
         // Fewer than were counted.
         let offset = *self
             .offsets
             .get(self.next)
             .ok_or(ImageError::Truncated { format: NAME })?;
         self.next += 1;
-        upright(NAME, page(self.stream.as_mut(), offset)?)
+        upright(NAME, page(self.stream.as_mut(), offset)?).map(Picture::Decoded)
     }
 
     fn skip(&mut self) -> Result<(), ImageError> {
