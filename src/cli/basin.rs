@@ -14,6 +14,7 @@ use crate::report::{Format, basin_svg, render};
 use crate::run::pool;
 use crate::synth::texture::TEXTURES;
 use mtf::image::{Frame, Identity};
+use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -79,7 +80,7 @@ pub struct BasinArgs {
     /// Draw the share of starts that converged against sigma (SVG)
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     pub chart: Option<PathBuf>,
-    /// Form of the table: a row per tracker, image and sigma
+    /// Form of the result: a row per tracker, image and sigma; json: an array of objects (one line; --pretty indents it)
     #[arg(long, value_name = "FORM", default_value = "table", help_heading = "Output")]
     pub format: Format,
 }
@@ -194,7 +195,10 @@ pub fn run(args: &BasinArgs, program: &Program) -> Outcome {
         "threshold",
         "perturbed_by",
     ];
-    print(&render(&header, &lines, args.format, console.table_colour))?;
+    print(&match args.format {
+        Format::Json => console.json(&lines.iter().map(|line| object(&header, line)).collect::<Vec<_>>()),
+        format => render(&header, &lines, format, console.table_colour),
+    })?;
     if let Some(path) = &args.chart {
         let of_all = |row: &&BasinRow| !pooled || row.texture == basin::POOLED;
         let all: Vec<&BasinRow> = rows.iter().filter(of_all).collect();
@@ -210,6 +214,19 @@ pub fn run(args: &BasinArgs, program: &Program) -> Outcome {
         write_text(path, &svg)?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// A row of a table for machines: what is a number in it is one.
+fn object(header: &[&str], row: &[String]) -> Map<String, Value> {
+    let value = |cell: &String| {
+        cell.parse::<f64>()
+            .map_or_else(|_| cell.as_str().into(), Value::from)
+    };
+    header
+        .iter()
+        .zip(row)
+        .map(|(name, cell)| ((*name).to_owned(), value(cell)))
+        .collect()
 }
 
 /// The images named, those of folders in the order of their names; or drawn ones.
