@@ -33,6 +33,7 @@ impl Format for Film {
                 name,
                 frames: vec![film],
                 truth: vec![truth],
+                ..Found::default()
             })
         };
         let found: Vec<Found> = place.images().into_iter().filter_map(found).collect();
