@@ -11,6 +11,7 @@ mod folder;
 mod homographies;
 mod mtf_text;
 mod otb;
+mod planartrack;
 mod table;
 mod vot;
 
@@ -142,6 +143,7 @@ impl Formats {
             Arc::new(otb::Otb),
             Arc::new(mtf_text::MtfText),
             Arc::new(homographies::Homographies),
+            Arc::new(planartrack::PlanarTrack),
             Arc::new(apart::Apart),
             Arc::new(film::Film),
         ])
