@@ -12,6 +12,7 @@ mod homographies;
 mod mtf_text;
 mod otb;
 mod planartrack;
+mod pot;
 mod table;
 mod vot;
 
@@ -144,6 +145,7 @@ impl Formats {
             Arc::new(mtf_text::MtfText),
             Arc::new(homographies::Homographies),
             Arc::new(planartrack::PlanarTrack),
+            Arc::new(pot::Pot),
             Arc::new(apart::Apart),
             Arc::new(film::Film),
         ])
