@@ -12,6 +12,7 @@ mod homographies;
 mod mtf_text;
 mod otb;
 mod planartrack;
+mod poic;
 mod pot;
 mod table;
 mod vot;
@@ -146,6 +147,7 @@ impl Formats {
             Arc::new(homographies::Homographies),
             Arc::new(planartrack::PlanarTrack),
             Arc::new(pot::Pot),
+            Arc::new(poic::Poic),
             Arc::new(apart::Apart),
             Arc::new(film::Film),
         ])
