@@ -9,6 +9,7 @@ mod apart;
 mod film;
 mod folder;
 mod homographies;
+mod mpot;
 mod mtf_text;
 mod otb;
 mod planartrack;
@@ -143,6 +144,7 @@ impl Formats {
             Arc::new(vot::Vot),
             Arc::new(folder::FrameFolder),
             Arc::new(otb::Otb),
+            Arc::new(mpot::Mpot),
             Arc::new(mtf_text::MtfText),
             Arc::new(homographies::Homographies),
             Arc::new(planartrack::PlanarTrack),
