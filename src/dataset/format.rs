@@ -12,6 +12,7 @@ mod homographies;
 mod mpot;
 mod mtf_text;
 mod otb;
+mod otb_attributes;
 mod planartrack;
 mod poic;
 mod pot;
