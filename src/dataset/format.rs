@@ -9,6 +9,7 @@ mod apart;
 mod film;
 mod folder;
 mod homographies;
+mod lasot;
 mod mpot;
 mod mtf_text;
 mod otb;
@@ -143,6 +144,7 @@ impl Formats {
     pub fn builtin() -> Self {
         Formats(vec![
             Arc::new(vot::Vot),
+            Arc::new(lasot::Lasot),
             Arc::new(folder::FrameFolder),
             Arc::new(otb::Otb),
             Arc::new(mpot::Mpot),
