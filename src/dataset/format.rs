@@ -8,6 +8,7 @@
 mod apart;
 mod film;
 mod folder;
+mod got10k;
 mod homographies;
 mod lasot;
 mod mpot;
@@ -145,6 +146,7 @@ impl Formats {
         Formats(vec![
             Arc::new(vot::Vot),
             Arc::new(lasot::Lasot),
+            Arc::new(got10k::Got10k),
             Arc::new(folder::FrameFolder),
             Arc::new(otb::Otb),
             Arc::new(mpot::Mpot),
