@@ -19,6 +19,7 @@ mod planartrack;
 mod poic;
 mod pot;
 mod table;
+mod trackingnet;
 mod vot;
 
 use super::annotation::{Annotations, Location};
@@ -155,6 +156,7 @@ impl Formats {
             Arc::new(planartrack::PlanarTrack),
             Arc::new(pot::Pot),
             Arc::new(poic::Poic),
+            Arc::new(trackingnet::TrackingNet),
             Arc::new(apart::Apart),
             Arc::new(film::Film),
         ])
