@@ -20,6 +20,7 @@ mod poic;
 mod pot;
 mod table;
 mod trackingnet;
+mod uav123;
 mod vot;
 
 use super::annotation::{Annotations, Location};
@@ -156,6 +157,7 @@ impl Formats {
             Arc::new(planartrack::PlanarTrack),
             Arc::new(pot::Pot),
             Arc::new(poic::Poic),
+            Arc::new(uav123::Uav123),
             Arc::new(trackingnet::TrackingNet),
             Arc::new(apart::Apart),
             Arc::new(film::Film),
