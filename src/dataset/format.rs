@@ -13,6 +13,7 @@ mod homographies;
 mod lasot;
 mod mpot;
 mod mtf_text;
+mod nfs;
 mod otb;
 mod otb_attributes;
 mod planartrack;
@@ -152,6 +153,7 @@ impl Formats {
             Arc::new(folder::FrameFolder),
             Arc::new(otb::Otb),
             Arc::new(mpot::Mpot),
+            Arc::new(nfs::Nfs),
             Arc::new(mtf_text::MtfText),
             Arc::new(homographies::Homographies),
             Arc::new(planartrack::PlanarTrack),
