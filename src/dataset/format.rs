@@ -20,6 +20,7 @@ mod planartrack;
 mod poic;
 mod pot;
 mod table;
+mod tcolor128;
 mod trackingnet;
 mod uav123;
 mod vot;
@@ -152,6 +153,7 @@ impl Formats {
             Arc::new(got10k::Got10k),
             Arc::new(folder::FrameFolder),
             Arc::new(otb::Otb),
+            Arc::new(tcolor128::TColor128),
             Arc::new(mpot::Mpot),
             Arc::new(nfs::Nfs),
             Arc::new(mtf_text::MtfText),
