@@ -5,6 +5,7 @@
 //! numbers in [`rows`](super::rows), dense truth in `groundtruth_grid.csv`, tags in `tags.txt` and `meta.json` (these
 //! two are read whatever the format). Depends on `geom` and on where files come from.
 
+mod alov;
 mod apart;
 mod film;
 mod folder;
@@ -161,6 +162,7 @@ impl Formats {
             Arc::new(planartrack::PlanarTrack),
             Arc::new(pot::Pot),
             Arc::new(poic::Poic),
+            Arc::new(alov::Alov),
             Arc::new(uav123::Uav123),
             Arc::new(trackingnet::TrackingNet),
             Arc::new(apart::Apart),
