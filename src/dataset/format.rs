@@ -12,6 +12,7 @@ mod folder;
 mod got10k;
 mod homographies;
 mod lasot;
+mod mot;
 mod mpot;
 mod mtf_text;
 mod nfs;
@@ -156,6 +157,7 @@ impl Formats {
             Arc::new(otb::Otb),
             Arc::new(tcolor128::TColor128),
             Arc::new(mpot::Mpot),
+            Arc::new(mot::Mot),
             Arc::new(nfs::Nfs),
             Arc::new(mtf_text::MtfText),
             Arc::new(homographies::Homographies),
