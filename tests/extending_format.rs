@@ -33,6 +33,7 @@ impl Format for CornersJson {
                 name: format!("{}-{object}", place.name()),
                 frames: place.images(),
                 truth: vec![file.clone()],
+                ..Found::default()
             })
         });
         Ok(objects.collect())
@@ -97,7 +98,7 @@ fn a_format_of_ones_own() {
     // Without the format these are frames without ground truth.
     let unknown = dataset::load(root.path(), &LoadOptions::default()).unwrap_err();
     assert!(
-        matches!(unknown.kind, DatasetErrorKind::NoGroundTruth),
+        matches!(unknown.kind, DatasetErrorKind::NoGroundTruth { .. }),
         "{unknown}"
     );
 
@@ -141,5 +142,5 @@ fn a_format_of_ones_own() {
     let empty = tempfile::tempdir().unwrap();
     std::fs::write(empty.path().join("notes.md"), "nothing").unwrap();
     let nothing = dataset::load(empty.path(), &options).unwrap_err().to_string();
-    assert!(nothing.contains("`OBJECT.corners.json`"), "{nothing}");
+    assert!(nothing.contains("formats corners-json, "), "{nothing}");
 }

@@ -20,6 +20,7 @@ mod faults;
 mod figures;
 mod files;
 mod films;
+mod formats;
 #[path = "../crates/mtf/tests/harness/mod.rs"]
 mod harness;
 mod illumination;
@@ -71,6 +72,7 @@ fn main() -> std::process::ExitCode {
         figures::TESTS,
         files::TESTS,
         films::TESTS,
+        formats::TESTS,
         illumination::TESTS,
         limits::TESTS,
         matching::TESTS,

@@ -226,6 +226,9 @@ pub struct TruthArgs {
     /// Frames from a row of ground truth to the next, in these numbers [default: `truth_step` in meta.json, else 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), hide_short_help = true)]
     pub truth_step: Option<u64>,
+    /// Read masks, and polygons of more than four points, as the smallest rectangle around them, instead of refusing them
+    #[arg(long)]
+    pub fit_masks: bool,
     /// Refuse a start that lies partly outside the image, instead of tracking it with a warning
     #[arg(long, hide_short_help = true)]
     pub strict: bool,
@@ -241,6 +244,7 @@ impl TruthArgs {
                 start: self.truth_start,
                 step: self.truth_step,
             },
+            fit_masks: self.fit_masks,
         }
     }
 }

@@ -74,6 +74,9 @@ pub fn experiment(
             about.insert(word.into(), number.into());
         }
     }
+    if args.selection.truth.fit_masks {
+        about.insert("fit_masks".into(), true.into());
+    }
     about.insert(
         "depth16".into(),
         args.selection.depth16.unwrap_or_default().to_string().into(),
@@ -209,10 +212,13 @@ fn complete(args: &mut ExperimentArgs, file: &ExperimentFile) -> Result<(), Expe
     })?;
     or(&mut selection.truth.origin, file, "origin", str::parse)?;
     or(&mut selection.truth.boxes, file, "box", str::parse)?;
-    let strict = file.value("strict", |s| {
-        s.parse().map_err(|_| "expected true or false".into())
-    })?;
-    selection.truth.strict |= strict.unwrap_or(false);
+    for (key, set) in [
+        ("strict", &mut selection.truth.strict),
+        ("fit_masks", &mut selection.truth.fit_masks),
+    ] {
+        let asked = file.value(key, |s| s.parse().map_err(|_| "expected true or false".into()))?;
+        *set |= asked.unwrap_or(false);
+    }
     or(&mut args.frame_logs.frame_logs, file, "frame_logs", |s| {
         FrameLogsArg::from_str(s, true)
     })?;

@@ -11,23 +11,31 @@ use super::text;
 /// What the numbers of a file mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Meaning {
-    /// 0: can be seen. LaSOT's `full_occlusion.txt` and `out_of_view.txt`, GOT-10k's `absence.label`, the flags of POT and
-    /// PlanarTrack (1 to 3: occluded, out of view, blurred).
+    /// 0: can be seen. LaSOT's `full_occlusion.txt` and `out_of_view.txt`, GOT-10k's `absence.label`.
     Absent,
+    /// 0: can be seen; else why not, one of [`REASONS`]. POT's and PlanarTrack's.
+    Flag,
     /// 0: cannot be seen.
     Visible,
     /// Other than 0: the file's name is a word about the frame. VOT's tags.
     Word,
 }
 
+/// Words about frames whose flag is 1, 2 or 3.
+const REASONS: [&str; 3] = ["occluded", "out-of-view", "blurred"];
+
+/// Names of files that are also words about the frames where the object cannot be seen.
+const WORDS: [(&str, &str); 2] = [
+    ("full_occlusion", "full-occlusion"),
+    ("out_of_view", "out-of-view"),
+];
+
 /// Names, without what is in front of or behind them, of files where 0 means that the object can be seen.
-const ABSENT: [&str; 22] = [
+const ABSENT: [&str; 20] = [
     "absence",
     "absences",
     "absent",
     "target_absent",
-    "flag",
-    "flags",
     "full_occlusion",
     "full_occlusions",
     "fullocclusion",
@@ -69,7 +77,9 @@ fn meaning(name: &str, sequence: &str) -> Option<Meaning> {
     let (stem, sequence) = (plain(stem), plain(sequence));
     let own = stem.strip_prefix(&sequence).map(|s| s.trim_start_matches('_'));
     let is = |names: &[&str]| names.contains(&stem.as_str()) || own.is_some_and(|own| names.contains(&own));
-    if is(&ABSENT) || stem.ends_with("_flag") || stem.ends_with("_flags") {
+    if is(&["flag", "flags"]) || stem.ends_with("_flag") || stem.ends_with("_flags") {
+        Some(Meaning::Flag)
+    } else if is(&ABSENT) {
         Some(Meaning::Absent)
     } else if is(&VISIBLE) {
         Some(Meaning::Visible)
@@ -138,13 +148,22 @@ fn parse(file: &TruthFile, meaning: Meaning, annotations: &mut Annotations) {
         return;
     }
     let word = file.name().trim_end_matches(".tag").to_string();
+    let reason = WORDS.iter().find(|(name, _)| file.name().contains(name));
     for (place, &(value, line)) in places.into_iter().zip(&values) {
         let Some(i) = place else { continue };
         match meaning {
             Meaning::Word if value != 0.0 => annotations.flag(i, &word),
-            Meaning::Absent if value != 0.0 => hide(annotations, i, file.at_line(line)),
+            Meaning::Absent | Meaning::Flag if value != 0.0 => {
+                hide(annotations, i, file.at_line(line));
+                let flagged = REASONS.iter().zip(1..).find(|(_, k)| f64::from(*k) == value);
+                let word = match meaning {
+                    Meaning::Flag => flagged.map(|(word, _)| *word),
+                    _ => reason.map(|(_, word)| *word),
+                };
+                word.into_iter().for_each(|word| annotations.flag(i, word));
+            }
             Meaning::Visible if value == 0.0 => hide(annotations, i, file.at_line(line)),
-            Meaning::Word | Meaning::Absent | Meaning::Visible => {}
+            Meaning::Word | Meaning::Absent | Meaning::Flag | Meaning::Visible => {}
         }
     }
 }
@@ -168,9 +187,9 @@ mod tests {
             ("out-of-view.tag", Some(Meaning::Absent)),
             ("absence.label", Some(Meaning::Absent)),
             ("absent.tag", Some(Meaning::Absent)),
-            ("V01_5_flag.txt", Some(Meaning::Absent)),
+            ("V01_5_flag.txt", Some(Meaning::Flag)),
             ("V01_5_full_occlusion.txt", Some(Meaning::Absent)),
-            ("flag.txt", Some(Meaning::Absent)),
+            ("flag.txt", Some(Meaning::Flag)),
             ("visible.txt", Some(Meaning::Visible)),
             ("V01_5.visibility.csv", Some(Meaning::Visible)),
             ("occlusion.tag", Some(Meaning::Word)),
@@ -207,6 +226,11 @@ mod tests {
                 "{text}"
             );
         }
+        let mut annotations = Annotations::new(4);
+        let flags = File::of("s_flag.txt", b"0 1 2 3".to_vec());
+        read([&flags], "s", &mut annotations);
+        let words: Vec<String> = annotations.frames().iter().map(|a| a.flags.join(" ")).collect();
+        assert_eq!(words, ["", "occluded", "out-of-view", "blurred"]);
         let (absent, _) = read_all("visible.txt", "1 1 0 1");
         assert_eq!(absent, [false, false, true, false]);
     }

@@ -133,7 +133,7 @@ pub fn check(path: &Path, options: &LoadOptions) -> Checked {
         ..Checked::default()
     };
     for unread in found.sequences {
-        let draft = Draft::new(unread, options.reading);
+        let draft = Draft::new(unread, options.reading, &options.formats);
         checked.frames += draft.unread.parts.frames.len();
         checked.faults.extend(check_sequence(draft, options));
     }

@@ -81,16 +81,21 @@ pub enum DatasetErrorKind {
     EmptyFolder,
     /// The folder holds nothing that looks like a sequence.
     #[error(
-        "no sequence found in the folder and {depth} levels of folders below it{}; expected: {expected}",
-        not_searched(deeper.as_deref())
+        "no sequence found in the folder and {depth} levels of folders below it{}; looked for the formats {formats}; found {found}; {}",
+        not_searched(deeper.as_deref()),
+        nearest.as_deref().unwrap_or("nothing is there of any of them: `mtf-eval list formats` shows what each has")
     )]
     NoSequences {
         /// Levels of folders that were searched.
         depth: usize,
         /// A folder that lies deeper.
         deeper: Option<PathBuf>,
-        /// The files that each known format is recognised by.
-        expected: String,
+        /// Names of the formats that are known.
+        formats: String,
+        /// What is there.
+        found: String,
+        /// Which format it is nearest to, and what that has.
+        nearest: Option<String>,
     },
     /// Frames lie too deep to be found.
     #[error(
@@ -111,9 +116,31 @@ pub enum DatasetErrorKind {
     NothingEmbedded,
     /// Frames without ground truth.
     #[error(
-        "frames without ground truth; add `groundtruth.txt` to the folder, or a text file named like the folder beside it or in a folder `annos` there"
+        "frames without ground truth{}; add `groundtruth.txt` to the folder, or a text file named like the folder beside it or in a folder `annos` there{}",
+        in_brackets(found.as_deref()), in_brackets(nearest.as_deref())
     )]
-    NoGroundTruth,
+    NoGroundTruth {
+        /// What lies beside the frames, if anything.
+        found: Option<String>,
+        /// Which format it is nearest to, and what that has.
+        nearest: Option<String>,
+    },
+    /// The frames are in a video or an archive.
+    #[error("the frames are in `{}`, which is not read; unpack it: `{unpack}`", packed.display())]
+    PackedFrames {
+        /// The video or archive.
+        packed: PathBuf,
+        /// The command that does it.
+        unpack: String,
+    },
+    /// The object is given as pixels or many points.
+    #[error(
+        "the object is {what}, where four corners are tracked; `--fit-masks` takes the smallest rectangle around it"
+    )]
+    Masks {
+        /// What it is.
+        what: &'static str,
+    },
     /// Ground truth without frames.
     #[error("no frames ({} files) for the ground truth; add them", image_formats())]
     NoFrames,
@@ -511,6 +538,10 @@ fn not_searched(deeper: Option<&Path>) -> String {
             path.display()
         )
     })
+}
+
+fn in_brackets(text: Option<&str>) -> String {
+    text.map_or(String::new(), |text| format!(" ({text})"))
 }
 
 // Messages hold those of their causes, so causes are not chained: a report would say everything twice.

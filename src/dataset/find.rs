@@ -2,6 +2,7 @@
 
 use super::borrowed::{self, Borrowed};
 use super::format::{Format, Formats, Found, Place};
+use super::nearest::Inventory;
 use super::order::natural;
 use super::storage::Folder;
 use super::{DatasetError, DatasetErrorKind};
@@ -9,7 +10,8 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Deepest level of folders below the given one that may hold frames: `root/actor/sequence`.
+/// Deepest level of folders below the given one that may hold frames: `root/actor/sequence`. Formats know of deeper ones
+/// below the top of their data.
 const DEPTH: usize = 2;
 
 /// One sequence as it lies in its folder, nothing read yet.
@@ -77,7 +79,7 @@ pub(super) fn find(root: &Folder, formats: &Formats) -> Result<Finds, DatasetErr
         seen: HashSet::from([root.identity()]),
         finds: Finds::default(),
     };
-    walk.visit(root, dataset.name(), 0)?;
+    walk.visit(root, dataset.name(), 0, DEPTH)?;
     let mut finds = walk.finds;
     // A folder that holds nothing but the ground truth of a sequence elsewhere is no sequence.
     let complete = finds.sequences.iter().filter(|s| !s.parts.frames.is_empty());
@@ -94,10 +96,13 @@ pub(super) fn find(root: &Folder, formats: &Formats) -> Result<Finds, DatasetErr
         let kind = if Place::new(root)?.is_empty() {
             DatasetErrorKind::EmptyFolder
         } else {
+            let inventory = Inventory::below(root, DEPTH)?;
             DatasetErrorKind::NoSequences {
                 depth: DEPTH,
                 deeper: finds.deeper.first().map(|folder| folder.path().to_path_buf()),
-                expected: formats.layouts(),
+                formats: formats.names(),
+                found: inventory.found(),
+                nearest: inventory.nearest(formats),
             }
         };
         return Err(DatasetError::new(root.path(), kind));
@@ -139,10 +144,17 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    fn visit(&mut self, folder: &Folder, dataset: &str, depth: usize) -> Result<(), DatasetError> {
+    /// Looks into `folder`, `depth` levels below the given one, and below it down to level `deepest`.
+    fn visit(
+        &mut self,
+        folder: &Folder,
+        dataset: &str,
+        depth: usize,
+        deepest: usize,
+    ) -> Result<(), DatasetError> {
         let place = Place::new(folder)?;
-        let unread = |dataset: &str, format, parts| Unread {
-            dataset: dataset.to_string(),
+        let unread = |dataset: &str, format, parts: Found| Unread {
+            dataset: parts.dataset.clone().unwrap_or_else(|| dataset.to_owned()),
             folder: folder.clone(),
             format,
             parts,
@@ -163,11 +175,15 @@ impl Walk<'_> {
             self.finds.sequences.push(borrowed);
             return Ok(());
         }
+        if self.formats.hold_no_sequence(&place) {
+            return Ok(());
+        }
         self.bury(&place, folder.name(), None);
         let before = self.finds.sequences.len();
-        if depth < DEPTH {
+        let deepest = deepest.max(depth + self.formats.levels_below(&place));
+        if depth < deepest {
             for inner in self.new_folders(&place) {
-                self.visit(inner, folder.name(), depth + 1)?;
+                self.visit(inner, folder.name(), depth + 1, deepest)?;
             }
         } else if place.images().is_empty() {
             self.finds.deeper.extend_from_slice(place.folders());

@@ -5,12 +5,26 @@
 //! numbers in [`rows`](super::rows), dense truth in `groundtruth_grid.csv`, tags in `tags.txt` and `meta.json` (these
 //! two are read whatever the format). Depends on `geom` and on where files come from.
 
+mod alov;
 mod apart;
 mod film;
 mod folder;
+mod got10k;
 mod homographies;
+mod lasot;
+mod mot;
+mod mpot;
 mod mtf_text;
+mod nfs;
 mod otb;
+mod otb_attributes;
+mod planartrack;
+mod poic;
+mod pot;
+mod table;
+mod tcolor128;
+mod trackingnet;
+mod uav123;
 mod vot;
 
 use super::annotation::{Annotations, Location};
@@ -72,6 +86,19 @@ pub trait Format: Send + Sync {
             .try_for_each(|file| rows::read(file, rows::ANY, frames(), annotations))
     }
 
+    /// How many levels below `place` sequences may lie, where that is the top of such data and more than two. Looks at names
+    /// only.
+    fn levels_below(&self, place: &Place) -> usize {
+        let _ = place;
+        0
+    }
+
+    /// Whether `place` is a part of such data that holds pictures and no sequence. Looks at names only.
+    fn holds_no_sequence(&self, place: &Place) -> bool {
+        let _ = place;
+        false
+    }
+
     /// What is not certain about how `sequence`, which lies in `place`, was read.
     fn doubt(&self, place: &Place, sequence: &Found, annotations: &Annotations) -> Option<DatasetError> {
         let _ = (place, sequence, annotations);
@@ -80,15 +107,26 @@ pub trait Format: Send + Sync {
 }
 
 /// A sequence that a format has found: where its parts lie.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Found {
-    /// Its name, unique in the folder around its own.
+    /// Its name, unique in its dataset.
     pub name: String,
     /// Image files in the order of time; without any the sequence is faulty.
     pub frames: Vec<File>,
     /// The files that the ground truth is made of. Their bytes count towards the sequence's fingerprint, in this
     /// order.
     pub truth: Vec<File>,
+    /// Files that say something else about it, such as its attributes. [`Format::read`] may read them; they do not count
+    /// towards the fingerprint.
+    pub about: Vec<File>,
+    /// What the truth calls the object, where it is that of several objects.
+    pub object: Option<String>,
+    /// Words that its name or place says about it.
+    pub tags: Vec<String>,
+    /// The dataset that it belongs to; `None`: the one that is called like the folder around its own.
+    pub dataset: Option<String>,
+    /// The video or archive that its frames are in, where they are not images yet.
+    pub packed: Option<File>,
 }
 
 /// A file of ground truth and its content.
@@ -114,10 +152,22 @@ impl Formats {
     pub fn builtin() -> Self {
         Formats(vec![
             Arc::new(vot::Vot),
+            Arc::new(lasot::Lasot),
+            Arc::new(got10k::Got10k),
             Arc::new(folder::FrameFolder),
             Arc::new(otb::Otb),
+            Arc::new(tcolor128::TColor128),
+            Arc::new(mpot::Mpot),
+            Arc::new(mot::Mot),
+            Arc::new(nfs::Nfs),
             Arc::new(mtf_text::MtfText),
             Arc::new(homographies::Homographies),
+            Arc::new(planartrack::PlanarTrack),
+            Arc::new(pot::Pot),
+            Arc::new(poic::Poic),
+            Arc::new(alov::Alov),
+            Arc::new(uav123::Uav123),
+            Arc::new(trackingnet::TrackingNet),
             Arc::new(apart::Apart),
             Arc::new(film::Film),
         ])
@@ -148,10 +198,21 @@ impl Formats {
         Ok(None)
     }
 
-    /// The files that sequences are recognised by, for messages.
-    pub(super) fn layouts(&self) -> String {
-        let layouts: Vec<&str> = self.iter().map(|format| format.describe().layout).collect();
-        layouts.join("; or ")
+    /// Whether a format knows that `place` holds no sequence.
+    pub(super) fn hold_no_sequence(&self, place: &Place) -> bool {
+        self.0.iter().any(|format| format.holds_no_sequence(place))
+    }
+
+    /// Their names, for messages.
+    pub(super) fn names(&self) -> String {
+        let names: Vec<&str> = self.iter().map(|format| format.describe().name).collect();
+        names.join(", ")
+    }
+
+    /// How many levels below `place` sequences may lie, as far as a format knows it for the top of its data.
+    pub(super) fn levels_below(&self, place: &Place) -> usize {
+        let levels = self.0.iter().map(|format| format.levels_below(place));
+        levels.max().unwrap_or(0)
     }
 }
 
@@ -229,6 +290,29 @@ impl Place {
         around.take(levels).find_map(first)
     }
 
+    /// As [`file_around`](Self::file_around), in the folder itself first.
+    pub fn file_near(&self, levels: usize, folders: &[&str], names: &[String]) -> Option<File> {
+        let mut paths = folders
+            .iter()
+            .flat_map(|folder| names.iter().map(move |name| Path::new(folder).join(name)));
+        let here = paths.find_map(|path| self.folder.file_below(&path));
+        here.or_else(|| self.file_around(levels, folders, names))
+    }
+
+    /// Whether it has folders of all these names.
+    pub fn has_folders(&self, names: &[&str]) -> bool {
+        let has = |name: &&str| self.folders().iter().any(|folder| folder.name() == *name);
+        names.iter().all(has)
+    }
+
+    /// Names of the folder around it and of the one around that, empty at the top.
+    pub fn names_around(&self) -> [String; 2] {
+        let around = self.folder.parent();
+        let name = |folder: &Option<Folder>| folder.as_ref().map_or(String::new(), |f| f.name().to_owned());
+        let outer = around.as_ref().and_then(Folder::parent);
+        [name(&around), name(&outer)]
+    }
+
     /// Links in it that lead nowhere and are not called like images.
     pub(super) fn dead_links(&self) -> &[File] {
         &self.listing.dead
@@ -270,6 +354,7 @@ impl Place {
             name: self.name().into(),
             frames,
             truth,
+            ..Found::default()
         }
     }
 }
@@ -335,6 +420,28 @@ impl TruthFile {
     /// It is no text.
     pub fn text(&self) -> Result<Cow<'_, str>, DatasetError> {
         text::decode(&self.bytes).ok_or_else(|| self.fault(DatasetErrorKind::NotText))
+    }
+
+    /// It with other lines: `change` gets the number (from 1) and the text of each, and says what stands in its place, `None`
+    /// for the line itself.
+    ///
+    /// # Errors
+    /// No text, or what `change` finds wrong with a line.
+    pub fn with_lines(
+        &self,
+        mut change: impl FnMut(usize, &str) -> Result<Option<String>, DatasetErrorKind>,
+    ) -> Result<TruthFile, DatasetError> {
+        let text = self.text()?;
+        let mut changed = String::with_capacity(text.len());
+        for (number, line) in (1..).zip(text::lines(&text)) {
+            let other = change(number, line).map_err(|kind| self.at_line(number).fault(kind))?;
+            changed.push_str(other.as_deref().unwrap_or(line));
+            changed.push('\n');
+        }
+        Ok(TruthFile {
+            file: self.file.clone(),
+            bytes: Cow::Owned(changed.into_bytes()),
+        })
     }
 
     /// The whole of it, as the place of what it says.

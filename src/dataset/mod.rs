@@ -14,9 +14,11 @@ mod dense;
 mod error;
 mod find;
 mod format;
+mod mask;
 mod matching;
 mod movie;
 mod names;
+mod nearest;
 mod open;
 mod order;
 mod reading;
@@ -192,7 +194,7 @@ pub fn load_where(
     }
     let mut last = None;
     for unread in found.sequences {
-        let draft = Draft::new(unread, options.reading);
+        let draft = Draft::new(unread, options.reading, &options.formats);
         if !wanted(&draft.label()) {
             dataset.unwanted += 1;
             continue;

@@ -3,17 +3,19 @@
 use super::annotation::{Annotations, Location};
 use super::decode::{Depth16, dimensions};
 use super::find::Unread;
-use super::format::{Place, TruthFile};
+use super::format::{Formats, Found, Place, TruthFile};
 use super::movie::Movie;
+use super::nearest::Inventory;
 use super::reading::Reading;
 use super::sequence::{Sequence, Whole};
-use super::storage::File;
+use super::storage::{File, Folder};
 use super::suspect::Truth;
 use super::{
     DatasetError, DatasetErrorKind, Fault, Label, LoadOptions, Severity, absence, dense, order, tags,
 };
 use mtf::geom::{Corners, polygon};
 use sha2::{Digest, Sha256};
+use std::path::Path;
 
 /// Least part of the initial quadrilateral that lies in the image, px²: a pixel.
 const LEAST_INSIDE: f64 = 1.0;
@@ -37,6 +39,41 @@ fn area_inside(corners: &Corners, (width, height): (usize, usize)) -> f64 {
     polygon::signed_area(&polygon::clip_convex(&corners, &image.0))
 }
 
+/// That the frames in `folder` have no ground truth, what lies there, and what it is nearest to.
+fn no_ground_truth(folder: &Folder, formats: &Formats) -> DatasetError {
+    let around = Place::new(folder).ok().map(|place| Inventory::around(&place));
+    let kind = DatasetErrorKind::NoGroundTruth {
+        found: around
+            .as_ref()
+            .map(|around| format!("there are {}", around.found())),
+        nearest: around.and_then(|around| around.nearest(formats)),
+    };
+    DatasetError::new(folder.path(), kind)
+}
+
+/// That the frames are in a video or an archive, and how to get them out.
+fn still_packed(parts: &Found) -> Option<DatasetError> {
+    let (packed, truth) = (parts.packed.as_ref()?, parts.truth.first()?);
+    let (path, name) = (packed.path(), &parts.name);
+    let around = path.parent().unwrap_or(Path::new(""));
+    let unpack = if packed.name().ends_with(".zip") {
+        let frames = around.with_file_name("frames").join(name);
+        format!("unzip -d {} {}", frames.display(), path.display())
+    } else {
+        let frames = around.join(name);
+        format!(
+            "mkdir {0} && ffmpeg -i {1} -fps_mode passthrough {0}/%05d.png",
+            frames.display(),
+            path.display()
+        )
+    };
+    let kind = DatasetErrorKind::PackedFrames {
+        packed: path.to_path_buf(),
+        unpack,
+    };
+    Some(DatasetError::new(truth.path(), kind))
+}
+
 /// A sequence whose annotations are read; no image has been decoded.
 pub(super) struct Draft {
     pub unread: Unread,
@@ -52,7 +89,7 @@ pub(super) struct Draft {
 
 impl Draft {
     /// Reads ground truth and tags. `asked` goes before what the sequence's metadata say.
-    pub fn new(mut unread: Unread, asked: Reading) -> Draft {
+    pub fn new(mut unread: Unread, asked: Reading, formats: &Formats) -> Draft {
         let (mut fatal, mut warnings) = (Vec::new(), Vec::new());
         let movie = match &unread.parts.frames[..] {
             [one] => Movie::of(one),
@@ -76,15 +113,15 @@ impl Draft {
         let name = unread.borrowed.as_ref().map_or(&parts.name, |b| &b.name);
         let mut truth_digest = [0; 32];
         let mut annotations = Annotations::new(parts.frames.len());
+        parts.tags.iter().for_each(|tag| annotations.tag(tag));
         match tags::reading(folder) {
             Ok(meta) => annotations.asked = asked.or(meta),
             Err(e) => fatal.push(e),
         }
         match (&unread.format, &parts.truth[..]) {
             _ if !fatal.is_empty() && parts.frames.is_empty() => {}
-            (None, _) | (_, []) => {
-                fatal.push(DatasetError::new(folder.path(), DatasetErrorKind::NoGroundTruth));
-            }
+            (None, _) | (_, []) => fatal.push(no_ground_truth(folder, formats)),
+            _ if parts.frames.is_empty() && parts.packed.is_some() => fatal.extend(still_packed(parts)),
             (_, [file, ..]) if parts.frames.is_empty() => {
                 fatal.push(DatasetError::new(file.path(), DatasetErrorKind::NoFrames));
             }

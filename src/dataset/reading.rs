@@ -151,6 +151,8 @@ pub struct Reading {
     pub boxes: Option<BoxForm>,
     /// Which frames rows are for that name none.
     pub rows: TruthRows,
+    /// Masks, and polygons of more than four points, are read as the smallest rectangle around them.
+    pub fit_masks: bool,
 }
 
 impl Reading {
@@ -160,6 +162,7 @@ impl Reading {
             origin: self.origin.or(other.origin),
             boxes: self.boxes.or(other.boxes),
             rows: self.rows.or(other.rows),
+            fit_masks: self.fit_masks || other.fit_masks,
         }
     }
 }

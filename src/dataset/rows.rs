@@ -51,7 +51,7 @@ impl RowKind {
     }
 
     /// Corners in px, pixel centres at integers, of that many numbers.
-    fn corners(&self, numbers: &[f64]) -> Corners {
+    pub(super) fn corners(&self, numbers: &[f64]) -> Corners {
         match self.shape {
             Shape::Quad => self.origin.corners(numbers),
             Shape::Box(form) => form.corners(numbers, self.origin),
@@ -287,7 +287,7 @@ pub fn read<'a>(
 }
 
 /// `kind` with what is asked for in place of the usual; notes in `annotations` how the rows are read.
-fn as_asked(kind: &RowKind, annotations: &mut Annotations) -> RowKind {
+pub(super) fn as_asked(kind: &RowKind, annotations: &mut Annotations) -> RowKind {
     let (asked, mut kind) = (annotations.asked, *kind);
     kind.origin = asked.origin.unwrap_or(kind.origin);
     if let Shape::Box(form) = &mut kind.shape {
@@ -358,7 +358,7 @@ fn choose<'a>(
 }
 
 /// What the words of a row, without a name, say.
-fn region(words: &[&str], kind: &RowKind) -> Result<Region, DatasetErrorKind> {
+pub(super) fn region(words: &[&str], kind: &RowKind) -> Result<Region, DatasetErrorKind> {
     let all = |holds: &dyn Fn(&str) -> bool| !words.is_empty() && words.iter().all(|word| holds(word));
     if all(&|word| is_one_of(word, &ABSENT)) {
         return Ok(Region::Absent);

@@ -72,7 +72,7 @@ const LISTS: [&str; 11] = [
     "data", "protocol", "seq", "tag", "sm", "am", "ssm", "ilm", "tracker", "include", "exclude",
 ];
 /// Keys that take one value.
-const SINGLE: [&str; 14] = [
+const SINGLE: [&str; 15] = [
     "seed",
     "max_frames",
     "frame_gap",
@@ -84,6 +84,7 @@ const SINGLE: [&str; 14] = [
     "on_bad_data",
     "origin",
     "box",
+    "fit_masks",
     "strict",
     "frame_logs",
     "timeout",

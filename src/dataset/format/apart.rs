@@ -1,4 +1,5 @@
-//! Frames and ground truth in folders of their own: PlanarTrack's, POIC's, UAV123's and TrackingNet's sequences.
+//! Frames and ground truth in folders of their own, as PlanarTrack, POIC, UAV123 and TrackingNet have them, of sets that are
+//! none of these.
 
 use super::{Description, Format, Found, Place};
 use crate::dataset::DatasetError;
@@ -36,7 +37,7 @@ impl Format for Apart {
     fn describe(&self) -> Description {
         Description {
             name: "apart",
-            summary: "ground truth in a folder of its own: PlanarTrack, POIC, UAV123, TrackingNet",
+            summary: "ground truth in a folder of its own, in no form of a known set",
             layout: "frames in a folder `SEQ`, and `SEQ.txt` in a folder `annos`, `anno`, `annotations` or `gt` near it",
             conventions: "corners as UL UR LR LL, pixel centres at integers, in order or after the name of the frame; \
                           or boxes as x y w h, origin at the corner of the first pixel",

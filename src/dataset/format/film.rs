@@ -35,6 +35,7 @@ impl Format for Film {
                 name,
                 frames: vec![film],
                 truth: vec![truth],
+                ..Found::default()
             })
         };
         let films = place

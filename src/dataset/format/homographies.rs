@@ -15,11 +15,15 @@ use mtf::geom::{Corners, Mat3, homography};
 /// See the module.
 pub(super) struct Homographies;
 
-/// The number of the image that a file's homography leads to: `k` of `H_1_k` or `H1tokp`.
+/// The number of the image that a file's homography leads to: `k` of `H_1_k`, `H1tokp` or `H1tok`, also with `.txt`.
 fn target(name: &str) -> Option<usize> {
+    let name = name.strip_suffix(".txt").unwrap_or(name);
     let number = match name.strip_prefix("H_1_") {
         Some(number) => number,
-        None => name.strip_prefix("H1to")?.strip_suffix('p')?,
+        None => {
+            let number = name.strip_prefix("H1to")?;
+            number.strip_suffix('p').unwrap_or(number)
+        }
     };
     number.parse().ok()
 }

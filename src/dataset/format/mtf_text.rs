@@ -11,7 +11,7 @@ impl Format for MtfText {
     fn describe(&self) -> Description {
         Description {
             name: "mtf",
-            summary: "sequences in the form of MTF: TMT, UCSB, LinTrack, PAMI",
+            summary: "sequences in the form of MTF: TMT, UCSB, LinTrack, PAMI, CMT",
             layout: "frames in a folder `SEQ` and `SEQ.txt` beside it",
             conventions: "corners as UL UR LR LL, origin 0 (pixel centres at integers), after the name of the frame; a \
                           word in place of the numbers (`tracker_failed`) leaves the frame without annotation",
