@@ -71,7 +71,10 @@ fn limits() -> Limits {
 }
 
 fn kind_of(magic: &[u8]) -> Option<&'static MovieKind> {
-    let format = image::guess_format(magic).ok()?;
+    let format = match tiff::is_big(magic) {
+        true => ImageFormat::Tiff,
+        false => image::guess_format(magic).ok()?,
+    };
     KINDS.iter().find(|kind| kind.format == format)
 }
 
