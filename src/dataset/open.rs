@@ -60,12 +60,13 @@ impl Draft {
         };
         let movie = movie.unwrap_or_else(|e| {
             fatal.push(e);
+            // How many they are is not known.
+            unread.parts.frames.clear();
             None
         });
         if let Some(movie) = &movie {
             unread.parts.frames = movie.frames();
         }
-        let countable = fatal.is_empty();
         fatal.extend(unread.borrowed.as_mut().and_then(|b| b.fault.take()));
         if movie.is_some() && unread.borrowed.is_some() {
             let detail = "frames_of: the frames of a film cannot be borrowed".to_owned();
@@ -81,6 +82,7 @@ impl Draft {
             Err(e) => fatal.push(e),
         }
         match (&unread.format, &parts.truth[..]) {
+            // What rows belong to is not known.
             _ if !fatal.is_empty() && parts.frames.is_empty() => {}
             (None, _) | (_, []) => {
                 fatal.push(DatasetError::new(folder.path(), DatasetErrorKind::NoGroundTruth));
@@ -88,8 +90,6 @@ impl Draft {
             (_, [file, ..]) if parts.frames.is_empty() => {
                 fatal.push(DatasetError::new(file.path(), DatasetErrorKind::NoFrames));
             }
-            // What rows belong to is not known.
-            _ if !countable => {}
             (Some(format), files) => match files.iter().map(TruthFile::read).collect::<Result<Vec<_>, _>>() {
                 Err(e) => fatal.push(e),
                 Ok(truth) => {
