@@ -235,8 +235,8 @@ impl Tolerances {
     fn parse(text: &str, metrics: &MetricSet) -> Result<Tolerances, String> {
         let recorded: Recorded = toml::from_str(text).map_err(|e| {
             let line = |until: usize| 1 + text.bytes().take(until).filter(|b| *b == b'\n').count();
-            // That of the whole text says nothing.
-            let part = e.span().filter(|s| s.start > 0 || s.end < text.trim_end().len());
+            // A wrong value has that of the whole text, which says nothing.
+            let part = e.span().filter(|span| span.start > 0);
             match part {
                 Some(span) => format!("line {}: {}", line(span.start), e.message()),
                 None => e.message().to_owned(),
