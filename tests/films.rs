@@ -96,7 +96,7 @@ fn curves(dir: &Path, data: &str, more: &[&str]) -> Vec<String> {
         "--ssm",
         "translation",
         "--sm",
-        "esm,nn{nn_samples=50}",
+        "esm,iclk",
         "--progress",
         "none",
         "-o",

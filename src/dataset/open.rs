@@ -97,12 +97,13 @@ impl Draft {
         };
         let movie = movie.unwrap_or_else(|e| {
             fatal.push(e);
+            // How many they are is not known.
+            unread.parts.frames.clear();
             None
         });
         if let Some(movie) = &movie {
             unread.parts.frames = movie.frames();
         }
-        let countable = fatal.is_empty();
         fatal.extend(unread.borrowed.as_mut().and_then(|b| b.fault.take()));
         if movie.is_some() && unread.borrowed.is_some() {
             let detail = "frames_of: the frames of a film cannot be borrowed".to_owned();
@@ -119,14 +120,13 @@ impl Draft {
             Err(e) => fatal.push(e),
         }
         match (&unread.format, &parts.truth[..]) {
+            // What rows belong to is not known.
             _ if !fatal.is_empty() && parts.frames.is_empty() => {}
             (None, _) | (_, []) => fatal.push(no_ground_truth(folder, formats)),
             _ if parts.frames.is_empty() && parts.packed.is_some() => fatal.extend(still_packed(parts)),
             (_, [file, ..]) if parts.frames.is_empty() => {
                 fatal.push(DatasetError::new(file.path(), DatasetErrorKind::NoFrames));
             }
-            // What rows belong to is not known.
-            _ if !countable => {}
             (Some(format), files) => match files.iter().map(TruthFile::read).collect::<Result<Vec<_>, _>>() {
                 Err(e) => fatal.push(e),
                 Ok(truth) => {

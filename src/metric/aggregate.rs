@@ -543,4 +543,14 @@ mod tests {
             assert_eq!(row.is_pooled(), pooled, "{dataset} {sequence}");
         }
     }
+
+    #[test]
+    fn words_are_those_that_are_written() {
+        for average in [Average::Pooled, Average::SeqMean] {
+            assert_eq!(serde_json::json!(average), average.name());
+        }
+        for status in [UnitStatus::Ok, UnitStatus::Failed("lost".to_owned())] {
+            assert_eq!(serde_json::json!(status)["status"], status.word());
+        }
+    }
 }

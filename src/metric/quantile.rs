@@ -59,4 +59,18 @@ mod tests {
             assert!((student_975(freedom) / t - 1.0).abs() < 0.01, "{freedom}");
         }
     }
+
+    #[test]
+    fn the_expansion_of_students_points_is_right_to_its_fourth_term() {
+        // What it leaves out falls with the fifth power of the degrees of freedom.
+        let left = |freedom: f64, t: f64| (student_975(freedom) / t - 1.0) * freedom.powi(5);
+        let (ten, thirty) = (
+            left(10.0, 2.228_138_851_964_938_5),
+            left(30.0, 2.042_272_456_301_237_3),
+        );
+        assert!(
+            (0.9..1.1).contains(&(ten / thirty)) && ten.abs() < 0.5,
+            "{ten} {thirty}"
+        );
+    }
 }

@@ -720,3 +720,113 @@ fn a_tracker_beyond_the_memory_is_refused_before_its_start() {
         );
     }
 }
+
+#[test]
+fn the_first_reason_of_a_failure_stays() {
+    let bench = Bench::new(&[20]);
+    fs::write(bench.dir.path().join("data/seq0/frame00019.png"), "not an image").unwrap();
+    let trackers = vec![
+        tracker("good", Trick::Nothing, 1),
+        tracker("panics", Trick::Panic { at: 3 }, 1),
+    ];
+    let failed = go(&bench.request("out", trackers)).unwrap().failed;
+    assert!(failed[0].1.contains("frame00019.png"), "{failed:?}");
+    assert!(failed[1].1.contains("frame 3: as told"), "{failed:?}");
+}
+
+#[test]
+fn frames_are_not_read_for_trackers_that_have_all_failed() {
+    let bench = Bench::new(&[90]);
+    go(&bench.request("out", vec![tracker("no_start", Trick::NoStart, 1)])).unwrap();
+    let decoded = bench.sequences[0].decoded_count();
+    assert!(decoded < 45, "{decoded}");
+}
+
+#[test]
+fn sequences_at_once_share_the_memory() {
+    let (one, two) = (Bench::new(&[20]), Bench::new(&[20, 20]));
+    let decoded = |bench: &Bench, memory: u64| -> Vec<usize> {
+        let before: Vec<usize> = bench.sequences.iter().map(Sequence::decoded_count).collect();
+        let mut request = bench.request("out", many(6));
+        request.memory = memory;
+        request.force = true;
+        go(&request).unwrap();
+        let now = bench.sequences.iter().map(Sequence::decoded_count);
+        now.zip(before).map(|(now, before)| now - before).collect()
+    };
+    // The least power of two in which the trackers of one sequence go together.
+    let enough = (10..20)
+        .map(|k| 1 << k)
+        .find(|&memory| decoded(&one, memory) == [20])
+        .unwrap();
+    assert_eq!(decoded(&two, 2 * enough), [20, 20]);
+    let halves = decoded(&two, enough);
+    assert!(halves.iter().all(|&n| n > 20), "{halves:?}");
+}
+
+#[test]
+fn a_description_of_another_version_is_replaced_only_where_nothing_is_lost() {
+    let bench = Bench::new(&[12]);
+    let request = bench.request("out", many(1));
+    go(&request).unwrap();
+    let path = request.out.join("run.json");
+    let mut run: serde_json::Map<String, serde_json::Value> =
+        serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    run["schema_version"] = 0.into();
+    run["host"].as_object_mut().unwrap().remove("sum");
+    let sum = twox_hash::XxHash64::oneshot(0, &serde_json::to_vec(&run).unwrap());
+    run["host"]["sum"] = format!("{sum:016x}").into();
+    fs::write(&path, serde_json::to_vec(&run).unwrap()).unwrap();
+    match go(&request) {
+        Err(RunError::Store(StoreError::OtherExperiment { differences, .. })) => {
+            assert_eq!(differences, ["run.json is of another version of the program"]);
+        }
+        other => panic!("{other:?}"),
+    }
+    fs::remove_file(request.out.join("journal.jsonl")).unwrap();
+    assert_eq!(go(&request).unwrap().resumed, 0);
+}
+
+#[test]
+fn results_of_units_that_ended_otherwise_are_stale() {
+    let bench = Bench::new(&[12]);
+    let of = |out: &str, trick: Trick| {
+        let request = bench.request(out, vec![tracker("t", trick, 1)]);
+        go(&request).unwrap();
+        request.out
+    };
+    let finished = |path: &Path| crate::store::held::finished(path, &MetricSet::builtin());
+    let (a, b) = (of("a", Trick::Nothing), of("b", Trick::Jump { at: 2 }));
+    assert!(finished(&a).unwrap().whole && finished(&b).unwrap().whole);
+    // The same unit, which ended otherwise.
+    fs::copy(a.join("journal.jsonl"), b.join("journal.jsonl")).unwrap();
+    let found = finished(&b);
+    assert!(matches!(found, Err(StoreError::Stale { .. })), "{found:?}");
+}
+
+/// Frames that are kept for the trackers that go first may be gray, and later ones need colour.
+#[test]
+fn colour_does_not_depend_on_who_goes_first() {
+    let bench = Bench::new(&[12]);
+    for k in 1..=12 {
+        let path = bench.dir.path().join(format!("data/seq0/frame{k:05}.png"));
+        let gray = image::open(&path).unwrap().into_luma8();
+        let red = |x, y| {
+            let v = gray.get_pixel(x, y)[0];
+            image::Rgb([v.saturating_add(50), v, v.saturating_add(9)])
+        };
+        image::RgbImage::from_fn(gray.width(), gray.height(), red)
+            .save(&path)
+            .unwrap();
+    }
+    let similarities = |out: &str, mut trackers: Vec<TrackerEntry>| -> String {
+        trackers.push(tracker("z", Trick::Nothing, 3));
+        let mut request = bench.request(out, trackers);
+        request.threads = 1;
+        assert_eq!(go(&request).unwrap().failed, []);
+        let logs = files(&request.out);
+        let log = logs.iter().find(|(name, _)| name.starts_with("frames/z"));
+        String::from_utf8(log.unwrap().1.clone()).unwrap()
+    };
+    assert_eq!(similarities("alone", vec![]), similarities("company", many(5)));
+}

@@ -511,4 +511,25 @@ mod tests {
         std::fs::write(&path, "{\"key\": 3}\nnot json\n").unwrap();
         assert_eq!(Journal::read(&path).unwrap().damaged, 2);
     }
+
+    #[test]
+    fn lines_are_made_durable_in_groups() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut writer = JournalWriter::open(&dir.path().join("journal.jsonl")).unwrap();
+        let unit = unit(b'a', EntryStatus::Ok);
+        let begin = Instant::now();
+        for waiting in 1..COMMIT_UNITS {
+            writer.append(&unit).unwrap();
+            // By their number, or because the first has waited long enough.
+            assert!(
+                writer.waiting.len() == waiting || begin.elapsed() > COMMIT_AFTER,
+                "{waiting}"
+            );
+        }
+        writer.append(&unit).unwrap();
+        assert!(writer.waiting.is_empty() || begin.elapsed() > COMMIT_AFTER);
+        writer.append(&unit).unwrap();
+        writer.commit().unwrap();
+        assert!(writer.waiting.is_empty() && writer.oldest.is_none());
+    }
 }

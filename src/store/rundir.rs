@@ -618,7 +618,9 @@ mod tests {
         std::os::unix::fs::symlink(&elsewhere, run.join("frames")).unwrap();
         fs::write(run.join("journal.jsonl"), "").unwrap();
         drop(RunDir::open(&run, true, &[]).unwrap());
-        assert!(!run.join("frames").is_symlink());
+        assert!(!run.join("frames").is_symlink() && !run.join("journal.jsonl").exists());
+        // Nor is there anything to go.
+        drop(RunDir::open(&run, true, &[]).unwrap());
         assert_eq!(fs::read_to_string(elsewhere.join("s.csv")).unwrap(), "x");
     }
 }

@@ -4,6 +4,7 @@
 use super::{Description, Format, Found, Place, TruthFile, table};
 use crate::dataset::DatasetError;
 use crate::dataset::annotation::Annotations;
+use crate::dataset::movie::{Movie, film_stem};
 use crate::dataset::rows;
 use crate::dataset::storage::File;
 
@@ -80,9 +81,16 @@ impl Format for Pot {
         if videos().next().is_some() && place.folders().iter().all(|f| factor(f.name()).is_none()) {
             let packed = videos().filter_map(|(file, name)| {
                 let found = sequence(place, name, vec![])?;
-                Some(Found {
-                    packed: Some(file.clone()),
-                    ..found
+                // Motion-JPEG is read as it is.
+                Some(match film_stem(file.name()) {
+                    Some(_) if matches!(Movie::of(file), Ok(Some(_))) => Found {
+                        frames: vec![file.clone()],
+                        ..found
+                    },
+                    _ => Found {
+                        packed: Some(file.clone()),
+                        ..found
+                    },
                 })
             });
             let packed: Vec<Found> = packed.collect();

@@ -52,7 +52,10 @@ fn count(stream: &mut dyn Stream, most: usize) -> Result<usize, Error> {
             b"fcTL" => there += 1,
             // The animation is announced before the first picture.
             b"IDAT" if announced < 2 => return Ok(1),
-            b"IEND" if there == announced => return Ok(announced),
+            b"IEND" if there == announced => {
+                stream.read_exact(&mut [0; 4])?;
+                return Ok(announced);
+            }
             b"IEND" => {
                 let detail = format!("it announces {announced} pictures and holds {there}");
                 return Err(Error::Decoding(DecodingError::new(

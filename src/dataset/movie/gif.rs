@@ -7,6 +7,7 @@ use crate::dataset::decode::{ImageError, check_size};
 use gif::DecodingError;
 use image::codecs::gif::GifDecoder;
 use image::{AnimationDecoder, ImageDecoder, ImageError as Error, ImageFormat};
+use std::io::ErrorKind;
 
 const NAME: &str = "GIF";
 
@@ -37,6 +38,7 @@ fn count(stream: &mut dyn Stream, most: usize) -> Result<usize, Error> {
 fn error(error: DecodingError) -> Error {
     match error {
         DecodingError::Io(e) => Error::IoError(e),
+        DecodingError::UnexpectedEof => Error::IoError(ErrorKind::UnexpectedEof.into()),
         other => Error::Decoding(image::error::DecodingError::new(ImageFormat::Gif.into(), other)),
     }
 }

@@ -15,7 +15,7 @@ const NAME: &str = "TIFF";
 
 pub(super) const KIND: MovieKind = MovieKind {
     name: NAME,
-    recognises: |magic| image::guess_format(magic).is_ok_and(|format| format == ImageFormat::Tiff),
+    recognises: |magic| is_big(magic) || image::guess_format(magic).is_ok_and(|f| f == ImageFormat::Tiff),
     count: |stream, most| Ok(directories(stream, most)?.len()),
     head,
     open: |mut stream, from| {
@@ -31,6 +31,11 @@ pub(super) const KIND: MovieKind = MovieKind {
         ))
     },
 };
+
+/// Whether a file begins like one with offsets of 64 bits, for files beyond 4 GiB.
+pub(super) fn is_big(magic: &[u8]) -> bool {
+    magic.starts_with(b"II\x2b\0") || magic.starts_with(b"MM\0\x2b")
+}
 
 /// Where the directories of the pages are.
 fn directories(stream: &mut dyn Stream, most: usize) -> Result<Vec<u64>, Error> {
@@ -126,21 +131,15 @@ impl<'a> View<'a> {
         stream.rewind()?;
         stream.read_exact(&mut header)?;
         stream.rewind()?;
-        let little = header[0] == b'I';
-        let version = match little {
-            true => u16::from_le_bytes([header[2], header[3]]),
-            false => u16::from_be_bytes([header[2], header[3]]),
-        };
-        // Offsets of 64 bits, as in files beyond 4 GiB.
-        const BIG: u16 = 43;
+        let big = is_big(&header);
         let mut first = offset.to_be_bytes().to_vec();
-        if version != BIG {
+        if !big {
             first.drain(..4);
         }
-        if little {
+        if header.starts_with(b"II") {
             first.reverse();
         }
-        let begin = if version == BIG { 8 } else { 4 };
+        let begin = if big { 8 } else { 4 };
         Ok(View {
             stream,
             at: 0,

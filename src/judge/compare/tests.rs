@@ -543,3 +543,83 @@ fn two_seeds_of_one_tracker_seldom_differ_significantly() {
     assert!(share(intervals, figures) <= 0.1);
     assert!(share(gains, PAIRS) >= 0.8);
 }
+
+/// With p values whose multiples are exact in binary.
+#[test]
+fn a_change_whose_adjusted_p_value_is_the_rate_is_a_discovery() {
+    let tracker = |name: &str, p: f64, b: f64| TrackerChange {
+        tracker: name.to_owned(),
+        tracker_a: name.to_owned(),
+        protocol: "ope".to_owned(),
+        units: 12,
+        units_changed: 12,
+        sequences: 12,
+        sequences_changed: 12,
+        failed: [0, 0],
+        figures: vec![FigureChange {
+            figure: "auc".to_owned(),
+            a: 0.0,
+            b,
+            interval: [b / 2.0, b],
+            p,
+            q: f64::NAN,
+            verdict: Verdict::Better,
+            doubt: None,
+        }],
+    };
+    let mut changed = [
+        tracker("weak", 0.5, 0.9),
+        tracker("small", 0.0078125, 0.1),
+        tracker("weaker", 0.5, 0.2),
+        tracker("large", 0.03125, 0.3),
+    ];
+    // 4/1 of the least, 4/2 of the next, which is the rate.
+    judge(&mut changed, 0.0625);
+    let found = changed.each_ref().map(|c| {
+        let figure = &c.figures[0];
+        (c.tracker.as_str(), figure.q, figure.verdict, figure.doubt)
+    });
+    let expected = [
+        ("large", 0.0625, Verdict::Better, None),
+        ("small", 0.03125, Verdict::Better, None),
+        ("weak", 0.5, Verdict::Unclear, Some(Doubt::Many)),
+        ("weaker", 0.5, Verdict::Unclear, Some(Doubt::Many)),
+    ];
+    assert_eq!(found, expected);
+}
+
+#[test]
+fn of_many_sequences_of_other_data_some_are_named() {
+    let a = run("a", |_, _| 1.0);
+    let mut b = a.clone();
+    for k in 0..5 {
+        b.description["sequences"][k]["fingerprint"] = "changed".into();
+    }
+    match against(&a, &b) {
+        Err(CompareError::NotComparable(reasons)) => assert_eq!(
+            reasons,
+            ["other data or ground truth (fingerprint) in builtin/s00, builtin/s01, builtin/s02 and 2 more"]
+        ),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn few_sequences_are_warned_of() {
+    let of = |name: &str, n: usize, by: f64| {
+        let unit = |s: usize| {
+            let shifts = [Some(2.0 + by + s as f64), Some(2.0)];
+            example::unit(TRACKERS[0], &format!("s{s:02}"), &shifts)
+        };
+        run_of(name, example::of(&(0..n).map(unit).collect::<Vec<_>>()))
+    };
+    for (n, few) in [(3, true), (FEW_SEQUENCES - 1, true), (FEW_SEQUENCES, false)] {
+        let found = against(&of("a", n, 0.0), &of("b", n, 0.5)).unwrap();
+        assert_eq!(found.changed.len(), 1);
+        let has = |text: &str| found.warnings.iter().any(|w| w.contains(text));
+        assert_eq!(has(&format!("only {n} sequences")), few, "{n}");
+        // All of n signs alike, by chance: 2 in 2^n.
+        let never = 2.0 / f64::from(1 << n) > Options::default().fdr;
+        assert_eq!(has("nothing can be significant"), never, "{n}");
+    }
+}
