@@ -47,6 +47,21 @@ impl std::fmt::Display for DatasetError {
     }
 }
 
+/// A search for sequences that found none.
+#[derive(Debug)]
+pub struct Searched {
+    /// Levels of folders that were searched.
+    pub depth: usize,
+    /// A folder that lies deeper.
+    pub deeper: Option<PathBuf>,
+    /// Names of the formats that are known.
+    pub formats: String,
+    /// What is there.
+    pub found: String,
+    /// Which format it is nearest to, and what that has.
+    pub nearest: Option<String>,
+}
+
 /// The kinds of fault. Their messages are fragments `what is wrong; remedy`.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -81,22 +96,14 @@ pub enum DatasetErrorKind {
     EmptyFolder,
     /// The folder holds nothing that looks like a sequence.
     #[error(
-        "no sequence found in the folder and {depth} levels of folders below it{}; looked for the formats {formats}; found {found}; {}",
-        not_searched(deeper.as_deref()),
-        nearest.as_deref().unwrap_or("nothing is there of any of them: `mtf-eval list formats` shows what each has")
+        "no sequence found in the folder and {} levels of folders below it{}; looked for the formats {}; found {}; {}",
+        .0.depth,
+        not_searched(.0.deeper.as_deref()),
+        .0.formats,
+        .0.found,
+        .0.nearest.as_deref().unwrap_or("nothing is there of any of them: `mtf-eval list formats` shows what each has")
     )]
-    NoSequences {
-        /// Levels of folders that were searched.
-        depth: usize,
-        /// A folder that lies deeper.
-        deeper: Option<PathBuf>,
-        /// Names of the formats that are known.
-        formats: String,
-        /// What is there.
-        found: String,
-        /// Which format it is nearest to, and what that has.
-        nearest: Option<String>,
-    },
+    NoSequences(Box<Searched>),
     /// Frames lie too deep to be found.
     #[error(
         "the images in this folder lie more than {depth} levels below the one that was given and are not used; give a folder nearer to them"

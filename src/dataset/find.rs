@@ -1,6 +1,7 @@
 //! Finds sequences in a folder and below it. Formats are detected, never configured.
 
 use super::borrowed::{self, Borrowed};
+use super::error::Searched;
 use super::format::{Format, Formats, Found, Place};
 use super::nearest::Inventory;
 use super::order::natural;
@@ -97,13 +98,13 @@ pub(super) fn find(root: &Folder, formats: &Formats) -> Result<Finds, DatasetErr
             DatasetErrorKind::EmptyFolder
         } else {
             let inventory = Inventory::below(root, DEPTH)?;
-            DatasetErrorKind::NoSequences {
+            DatasetErrorKind::NoSequences(Box::new(Searched {
                 depth: DEPTH,
                 deeper: finds.deeper.first().map(|folder| folder.path().to_path_buf()),
                 formats: formats.names(),
                 found: inventory.found(),
                 nearest: inventory.nearest(formats),
-            }
+            }))
         };
         return Err(DatasetError::new(root.path(), kind));
     }

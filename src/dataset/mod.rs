@@ -37,7 +37,7 @@ pub use annotation::{Annotation, Annotations, Location, Region};
 pub use check::{Checked, Fault, Severity, check};
 pub use decode::{Depth16, ImageError, MAX_PIXELS, Remark, Standing, decode, decode_file, dimensions};
 pub use dense::DENSE_FILE;
-pub use error::{DatasetError, DatasetErrorKind};
+pub use error::{DatasetError, DatasetErrorKind, Searched};
 pub use format::{Description, Format, Formats, Found, Place, TruthFile};
 pub use order::natural;
 pub use reading::{BoxForm, Origin, Reading, TruthRows};

@@ -263,7 +263,7 @@ mod tests {
     fn a_figure_has_an_interval_of_its_own() {
         let sides = [0.2, 0.4, 0.9].map(|figure| Side::new(10.0, figure));
         let [low, high] = interval_of(&sides, 1000, 0);
-        assert!(0.2 <= low && low < 0.5 && 0.5 < high && high <= 0.9);
+        assert!((0.2..0.5).contains(&low) && high > 0.5 && high <= 0.9);
         assert_eq!(interval_of(&[Side::new(3.0, 0.5); 4], 1000, 0), [0.5; 2]);
         assert!(interval_of(&sides[..1], 1000, 0)[0].is_nan());
     }

@@ -28,7 +28,7 @@ impl TrackerEntry {
         let key = |s: &Sequence| (s.dataset().to_owned(), s.name().to_owned());
         let mut files = Map::new();
         for (sequence, track) in sequences.iter().zip(&recorded.tracks) {
-            files.insert(super::sequence_id(sequence), digest(track).into());
+            files.insert(super::sequence_id(sequence), digest(track));
         }
         let tracks = sequences
             .iter()

@@ -187,12 +187,10 @@ impl Found {
                 .strip_suffix("_001")
                 .is_some_and(|name| same(&mut self.sequence, name)),
             "{seq}_{tracker}" => {
-                let cuts = part
+                let mut cuts = part
                     .match_indices('_')
                     .map(|(at, _)| (&part[..at], &part[at + 1..]));
-                let longest = cuts
-                    .filter(|(name, tracker)| known(name) && !tracker.is_empty())
-                    .last();
+                let longest = cuts.rfind(|(name, tracker)| known(name) && !tracker.is_empty());
                 longest.is_some_and(|(name, tracker)| {
                     same(&mut self.sequence, name) && same(&mut self.tracker, tracker)
                 })

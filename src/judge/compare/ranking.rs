@@ -370,7 +370,7 @@ mod tests {
             _ => 3.0 + ((t / 2 + s) % 2) as f64,
         });
         let options = Options::default();
-        let found = rank_all(&[one.clone()], 0, &options).unwrap();
+        let found = rank_all(std::slice::from_ref(&one), 0, &options).unwrap();
         let [ranking] = found.as_slice() else {
             panic!("{found:?}")
         };
