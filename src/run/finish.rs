@@ -375,8 +375,8 @@ mod tests {
         };
         let times = [
             time(0, 30, 1.5),
-            time(1, 10, 4.0),
             time(0, 50, 0.5),
+            time(1, 10, 4.0),
             time(2, 0, 0.0),
         ];
         let expected = [("a".to_owned(), 40.0), ("b".to_owned(), 2.5)];
