@@ -270,7 +270,7 @@ fn rate(updates: usize, seconds: f64) -> Option<f64> {
     (updates > 0).then(|| updates as f64 / seconds.max(1e-9))
 }
 
-/// The speed of each tracker that has been timed.
+/// The speed of each tracker that has been timed. `times` are tracker by tracker.
 pub(crate) fn speeds(plan: &Plan, times: &[(Unit, UnitTime)]) -> Speeds {
     let of_tracker = |times: &[(Unit, UnitTime)]| {
         let sum = total(times.iter().map(|(_, time)| time));
