@@ -461,9 +461,12 @@ fn a_union_refuses_what_differs() {
     let journal = dir.join("forged/journal.jsonl");
     let mut lines = journal_lines(&fs::read(&journal).unwrap());
     let at = lines.iter().position(|l| l["sequence"] == "seq1").unwrap();
-    lines[at]["errors"][0][0] = 3.5.into();
-    let entries = lines.into_iter().map(|line| {
-        let entry: mtf_eval::store::journal::Entry = serde_json::from_value(line).unwrap();
+    let entries = lines.into_iter().enumerate().map(|(k, line)| {
+        let mut entry: mtf_eval::store::journal::Entry = serde_json::from_value(line).unwrap();
+        if k == at {
+            let first = entry.errors.as_mut().and_then(|rows| rows[0].as_mut());
+            first.unwrap()[0] = 3.5;
+        }
         entry.to_line().unwrap()
     });
     fs::write(&journal, entries.collect::<Vec<_>>().concat()).unwrap();
@@ -476,7 +479,7 @@ fn a_union_refuses_what_differs() {
     fs::write(&journal, text.lines().next().unwrap().to_owned() + "\n").unwrap();
     merge(dir, &["out", "a", "b"])
         .code(21)
-        .stderr(contains("3 of 8 units are missing"));
+        .stderr(contains("incomplete: 3 of 8 units"));
     assert!(!dir.join("out").exists());
 }
 

@@ -227,7 +227,7 @@ pub struct TruthArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), hide_short_help = true)]
     pub truth_step: Option<u64>,
     /// Read masks, and polygons of more than four points, as the smallest rectangle around them, instead of refusing them
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     pub fit_masks: bool,
     /// Refuse a start that lies partly outside the image, instead of tracking it with a warning
     #[arg(long, hide_short_help = true)]

@@ -49,16 +49,16 @@ pub struct ScoreArgs {
     #[arg(long, value_name = "TAG", value_delimiter = ',', help_heading = "Frames")]
     pub tag: Vec<String>,
     /// Only the first N frames of each sequence (after --frame-gap)
-    #[arg(long, value_name = "N", value_parser = at_least_two, help_heading = "Frames")]
+    #[arg(long, value_name = "N", value_parser = at_least_two, help_heading = "Frames", hide_short_help = true)]
     pub max_frames: Option<usize>,
     /// Only every K-th frame [default: 1]
-    #[arg(long, value_name = "K", value_parser = at_least_one, help_heading = "Frames")]
+    #[arg(long, value_name = "K", value_parser = at_least_one, help_heading = "Frames", hide_short_help = true)]
     pub frame_gap: Option<usize>,
     /// Fit the ground truth with this warp (translation, isometry, ...) first
-    #[arg(long, value_name = "SSM", help_heading = "Frames")]
+    #[arg(long, value_name = "SSM", help_heading = "Frames", hide_short_help = true)]
     pub gt_ssm: Option<String>,
     /// What to do with a sequence whose data is faulty [default: fail]
-    #[arg(long, value_name = "WHAT", help_heading = "Frames")]
+    #[arg(long, value_name = "WHAT", help_heading = "Frames", hide_short_help = true)]
     pub on_bad_data: Option<OnBadData>,
     /// The run directory to write [default: results/<UTC date-time>-<hash>]
     #[arg(short, long, value_name = "DIR", help_heading = "Execution")]

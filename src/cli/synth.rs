@@ -134,16 +134,16 @@ pub struct SynthArgs {
     #[arg(long, value_name = "F", help_heading = "Effects", hide_short_help = true)]
     pub occlude: Option<String>,
     /// Two specular highlights that wander over the object: intensity 0-255 that their middles add [default: 0]
-    #[arg(long, value_name = "I", help_heading = "Effects")]
+    #[arg(long, value_name = "I", help_heading = "Effects", hide_short_help = true)]
     pub glare: Option<String>,
     /// Exposure that jumps every 5 to 12 frames, by a factor from 1/F to F [default: 1]
-    #[arg(long, value_name = "F", help_heading = "Effects")]
+    #[arg(long, value_name = "F", help_heading = "Effects", hide_short_help = true)]
     pub exposure: Option<String>,
     /// Photon noise: electrons that intensity 255 frees in a pixel, 0 for none [default: 0]
-    #[arg(long, value_name = "N", help_heading = "Effects")]
+    #[arg(long, value_name = "N", help_heading = "Effects", hide_short_help = true)]
     pub photons: Option<String>,
     /// An identical second object behind the first circles it at so many boxes, 0 for none [default: 0]
-    #[arg(long, value_name = "BOXES", help_heading = "Effects")]
+    #[arg(long, value_name = "BOXES", help_heading = "Effects", hide_short_help = true)]
     pub twin: Option<String>,
 
     /// Frame size, px [default: 320x240]

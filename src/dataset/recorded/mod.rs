@@ -133,7 +133,10 @@ pub fn load(
         let before = results.layouts.values().sum::<usize>();
         for file in &files {
             let Some((layout, claim)) = layout::claim(file.path(), &names) else {
-                results.strangers.push(file.path().to_path_buf());
+                // Tables of a run are no results of a sequence.
+                if file.beside("run.json").is_none() {
+                    results.strangers.push(file.path().to_path_buf());
+                }
                 continue;
             };
             let Claim { tracker, sequence } = claim;
