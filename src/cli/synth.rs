@@ -22,10 +22,10 @@ pub struct SynthArgs {
     #[arg(long)]
     pub list_textures: bool,
     /// Take the frames of NAME, a sequence in the same folder, instead of rendering any: OUT gets a meta.json and no images
-    #[arg(long, value_name = "NAME", conflicts_with = "builtin")]
+    #[arg(long, value_name = "NAME", conflicts_with = "builtin", hide_short_help = true)]
     pub frames_of: Option<String>,
     /// With --frames-of: take every K-th frame [default: 1]
-    #[arg(long, value_name = "K", requires = "frames_of")]
+    #[arg(long, value_name = "K", requires = "frames_of", hide_short_help = true)]
     pub step: Option<String>,
     /// Write into a folder that is not empty
     #[arg(long)]
