@@ -459,7 +459,7 @@ fn a_union_refuses_what_differs() {
     // The same unit with another result.
     track(dir, "forged", &["--tracker", "esm/ssd/translation"]);
     let journal = dir.join("forged/journal.jsonl");
-    let mut lines = journal_lines(&fs::read(&journal).unwrap());
+    let lines = journal_lines(&fs::read(&journal).unwrap());
     let at = lines.iter().position(|l| l["sequence"] == "seq1").unwrap();
     let entries = lines.into_iter().enumerate().map(|(k, line)| {
         let mut entry: mtf_eval::store::journal::Entry = serde_json::from_value(line).unwrap();
