@@ -13,6 +13,7 @@ use tempfile::TempDir;
 
 crate::tests! {
     a_run_scored_again_has_the_same_figures;
+    corners_of_an_absent_object_count;
     layouts_and_forms;
     what_is_missing_counts_as_failure_and_is_told;
     the_first_row_is_found_out_or_asked_for;
@@ -120,6 +121,37 @@ fn a_run_scored_again_has_the_same_figures() {
             }
         }
     }
+}
+
+/// What `best` and `guard` say of a lost object never changes a score: the corners beside it do.
+fn corners_of_an_absent_object_count() {
+    let dir = with_data(&[4]);
+    let path = dir.path();
+    let row = |f: usize, status: &str, by: f64| {
+        let corners: Vec<String> = corners(f, by).iter().map(f64::to_string).collect();
+        format!("{f},frame{:05}.png,{status},{},1,0.5\n", f + 1, corners.join(","))
+    };
+    let header = "frame,file,status,x1,y1,x2,y2,x3,y3,x4,y4,iterations,similarity\n";
+    let rows = [
+        row(0, "init", 0.0),
+        row(1, "ok", 1.0),
+        row(2, "absent", 2.0),
+        row(3, "absent", 3.0),
+    ];
+    put(path, "r/T/seq0.csv", &(header.to_owned() + &rows.concat()));
+    let scored = score(path, &["r"]);
+    assert_eq!(
+        (&scored[0]["al_mean"], &scored[0]["failures"]),
+        (&2.0.into(), &0.into())
+    );
+    let log = fs::read_dir(path.join("out/frames"))
+        .unwrap()
+        .next()
+        .unwrap()
+        .unwrap()
+        .path();
+    let log = fs::read_to_string(log.join("data/seq0.csv")).unwrap();
+    assert_eq!(log.matches(",absent,").count(), 2, "{log}");
 }
 
 fn layouts_and_forms() {

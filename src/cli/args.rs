@@ -3,7 +3,7 @@
 use super::console::Console;
 use super::exit::Failure;
 use super::values::{
-    assignment, at_least_one, at_least_two, channels, duration, frame_time, non_negative, positive,
+    assignment, at_least_one, at_least_two, channels, duration, frame_time, non_negative, one_of, positive,
     resolution, size, threads,
 };
 use crate::dataset::{BoxForm, Depth16, Origin, Reading, TruthRows};
@@ -12,6 +12,7 @@ use crate::judge::ranking::{Group, Part, Pick, figure, parse_sort};
 use crate::metric::MetricSet;
 use crate::plan::{Protocols, Shard};
 use crate::report::{Format, TableOptions};
+use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 use mtf::params::Resolution;
 use std::path::PathBuf;
@@ -177,9 +178,25 @@ pub struct TrackerArgs {
 }
 
 /// Which sequences and frames.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Frames")]
 pub struct SelectionArgs {
+    /// Which of them.
+    #[command(flatten)]
+    pub choice: ChoiceArgs,
+    /// How images with 16 bits per channel become 8: scale (v / 257), minmax (least to greatest value of each image), shift:N
+    /// (v >> N, of data with 8 + N bits) [default: scale]
+    #[arg(long, value_name = "RULE", hide_short_help = true)]
+    pub depth16: Option<Depth16>,
+    /// How ground truth is read.
+    #[command(flatten)]
+    pub truth: TruthArgs,
+}
+
+/// Which sequences and frames, whatever is read of them.
+#[derive(Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Frames")]
+pub struct ChoiceArgs {
     /// Only sequences of this name, or data set/name; repeatable
     #[arg(long, value_name = "GLOB", value_delimiter = ',')]
     pub seq: Vec<String>,
@@ -196,16 +213,9 @@ pub struct SelectionArgs {
     /// freedom by what they can follow
     #[arg(long, value_name = "SSM", hide_short_help = true)]
     pub gt_ssm: Option<String>,
-    /// How images with 16 bits per channel become 8: scale (v / 257), minmax (least to greatest value of each image), shift:N
-    /// (v >> N, of data with 8 + N bits) [default: scale]
-    #[arg(long, value_name = "RULE", hide_short_help = true)]
-    pub depth16: Option<Depth16>,
     /// What to do with a sequence whose data is faulty [default: fail]
     #[arg(long, value_name = "WHAT", hide_short_help = true)]
     pub on_bad_data: Option<OnBadData>,
-    /// How ground truth is read.
-    #[command(flatten)]
-    pub truth: TruthArgs,
 }
 
 /// How ground truth is read.
@@ -328,17 +338,13 @@ pub struct TableArgs {
     /// Which trackers, and numbers by group.
     #[command(flatten)]
     pub pick: PickArgs,
-    /// Print the figures of a benchmark instead: planartrack, pot, vot, tmt, otb or longterm
-    #[arg(long, value_name = "BENCHMARK", value_parser = benchmark, hide_short_help = true)]
+    /// Print the figures of a benchmark instead, made from the frame logs
+    #[arg(long, value_name = "BENCHMARK", value_parser = one_of(BENCHMARKS.iter().map(|b| PossibleValue::new(b.name).help(b.source)), Benchmark::named),
+        hide_short_help = true)]
     pub report_as: Option<&'static Benchmark>,
     /// With --report-as: the benchmark's published figures below ours
     #[arg(long, requires = "report_as", hide_short_help = true)]
     pub with_published: bool,
-}
-
-fn benchmark(name: &str) -> Result<&'static Benchmark, String> {
-    let names: Vec<&str> = BENCHMARKS.iter().map(|b| b.name).collect();
-    Benchmark::named(name).ok_or_else(|| format!("expected {}", names.join(", ")))
 }
 
 /// Which trackers of a table, and figures by group.

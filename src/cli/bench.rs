@@ -95,7 +95,7 @@ pub fn run(args: &BenchArgs, program: &Program) -> Outcome {
     let others = args.against.as_deref().map(read).transpose()?;
     let (trackers, refused) = expand(&args.trackers, program)?;
     let mut selection = args.selection.clone();
-    selection.max_frames.get_or_insert(MOST_FRAMES);
+    selection.choice.max_frames.get_or_insert(MOST_FRAMES);
     let request = BenchRequest {
         trackers,
         sequences: sequences(&args.data, &selection, program)?.sequences,

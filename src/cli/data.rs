@@ -5,10 +5,12 @@ use super::console::print;
 use super::exit::{self, Failure};
 use super::experiment::{sequences, warn_of};
 use super::program::Program;
+use super::values::one_of;
 use crate::dataset::convert::{self, TARGETS, Target};
 use crate::dataset::{self, Dataset, LoadOptions, Severity};
 use crate::report::{Format, render, text::one_line};
 use anyhow::Result;
+use clap::builder::PossibleValue;
 use clap::{Args, Subcommand, ValueEnum};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -38,8 +40,8 @@ enum DataCommand {
         /// Dataset: a folder, or `builtin` for the embedded one
         #[arg(value_name = "DATA")]
         path: PathBuf,
-        /// The form: tmt, vot, otb, pot, planartrack or corners
-        #[arg(long, value_name = "FORM", value_parser = target)]
+        /// The form
+        #[arg(long, value_name = "FORM", value_parser = one_of(TARGETS.iter().map(|t| PossibleValue::new(t.name()).help(t.summary())), target))]
         to: &'static dyn Target,
         /// The folder to make
         #[arg(value_name = "OUT")]
@@ -91,14 +93,8 @@ pub fn run(args: &DataArgs, program: &Program) -> Result<ExitCode> {
     }
 }
 
-fn target(name: &str) -> Result<&'static dyn Target, String> {
-    let known = TARGETS
-        .into_iter()
-        .find(|target| target.name().eq_ignore_ascii_case(name));
-    known.ok_or_else(|| {
-        let names: Vec<&str> = TARGETS.iter().map(|target| target.name()).collect();
-        format!("expected {}", names.join(", "))
-    })
+fn target(name: &str) -> Option<&'static dyn Target> {
+    TARGETS.into_iter().find(|target| target.name() == name)
 }
 
 fn convert(

@@ -57,15 +57,18 @@ pub fn experiment(
             console.warn(&fault.to_string());
         }
     }
-    if let Some(name) = &args.selection.gt_ssm {
+    if let Some(name) = &args.selection.choice.gt_ssm {
         fit_truth(&mut sequences, registry, name)?;
     }
     if args.data.is_empty() {
         command.insert(0, dataset::BUILTIN.into());
     }
     let mut about = Map::new();
-    about.insert("frame_gap".into(), args.selection.frame_gap.unwrap_or(1).into());
-    about.insert("max_frames".into(), args.selection.max_frames.into());
+    about.insert(
+        "frame_gap".into(),
+        args.selection.choice.frame_gap.unwrap_or(1).into(),
+    );
+    about.insert("max_frames".into(), args.selection.choice.max_frames.into());
     for (word, number) in [
         ("truth_start", args.selection.truth.truth_start),
         ("truth_step", args.selection.truth.truth_step),
@@ -81,7 +84,7 @@ pub fn experiment(
         "depth16".into(),
         args.selection.depth16.unwrap_or_default().to_string().into(),
     );
-    about.insert("gt_ssm".into(), args.selection.gt_ssm.clone().into());
+    about.insert("gt_ssm".into(), args.selection.choice.gt_ssm.clone().into());
     about.insert("command".into(), command.into());
     let read_as = read_as(&sequences);
     if !read_as.is_empty() {
@@ -170,8 +173,8 @@ fn complete(args: &mut ExperimentArgs, file: &ExperimentFile) -> Result<(), Expe
     list(&mut trackers.expressions, "tracker");
     list(&mut trackers.include, "include");
     list(&mut trackers.exclude, "exclude");
-    list(&mut selection.seq, "seq");
-    list(&mut selection.tag, "tag");
+    list(&mut selection.choice.seq, "seq");
+    list(&mut selection.choice.tag, "tag");
     fn or<T>(
         to: &mut Option<T>,
         file: &ExperimentFile,
@@ -190,10 +193,10 @@ fn complete(args: &mut ExperimentArgs, file: &ExperimentFile) -> Result<(), Expe
             .map_err(|e| e.to_string())
     };
     or(&mut trackers.pre, file, "pre", pre)?;
-    or(&mut selection.max_frames, file, "max_frames", at_least_two)?;
-    or(&mut selection.frame_gap, file, "frame_gap", at_least_one)?;
+    or(&mut selection.choice.max_frames, file, "max_frames", at_least_two)?;
+    or(&mut selection.choice.frame_gap, file, "frame_gap", at_least_one)?;
     or(&mut selection.depth16, file, "depth16", str::parse)?;
-    or(&mut selection.gt_ssm, file, "gt_ssm", text)?;
+    or(&mut selection.choice.gt_ssm, file, "gt_ssm", text)?;
     let protocols = file.list("protocol").iter().map(|l| {
         let parsed = l.text.parse::<Protocols>();
         parsed.map_err(|e| file.at(l.line, format!("protocol: {e}")))
@@ -202,7 +205,7 @@ fn complete(args: &mut ExperimentArgs, file: &ExperimentFile) -> Result<(), Expe
     if args.protocol.is_none() && !protocols.is_empty() {
         args.protocol = Some(Protocols::new(protocols.iter().flat_map(|p| p.iter().copied())));
     }
-    or(&mut selection.on_bad_data, file, "on_bad_data", |s| {
+    or(&mut selection.choice.on_bad_data, file, "on_bad_data", |s| {
         OnBadData::from_str(s, true)
     })?;
     let whole = |s: &str| s.parse().map_err(|_| "expected a whole number, 0 or more".into());
@@ -385,7 +388,7 @@ pub struct Chosen {
 /// # Errors
 /// Data that cannot be read, nothing that passes.
 pub fn sequences(data: &[PathBuf], args: &SelectionArgs, program: &Program) -> Result<Chosen, Failure> {
-    let names = globs("--seq", &args.seq)?;
+    let names = globs("--seq", &args.choice.seq)?;
     // Sequences of each tag that there is.
     let known: Mutex<BTreeMap<String, usize>> = Mutex::default();
     let wanted = |label: &Label<'_>| {
@@ -394,13 +397,13 @@ pub fn sequences(data: &[PathBuf], args: &SelectionArgs, program: &Program) -> R
         for tag in label.tags {
             *known.entry(tag.clone()).or_default() += 1;
         }
-        let named = args.seq.is_empty() || names.is_match(label.name) || names.is_match(&id);
+        let named = args.choice.seq.is_empty() || names.is_match(label.name) || names.is_match(&id);
         let tagged = |tag: &String| label.tags.iter().any(|t| t.eq_ignore_ascii_case(tag));
-        named && (args.tag.is_empty() || args.tag.iter().any(tagged))
+        named && (args.choice.tag.is_empty() || args.choice.tag.iter().any(tagged))
     };
     let options = LoadOptions {
         formats: program.catalogue.formats.clone(),
-        on_bad_data: match args.on_bad_data {
+        on_bad_data: match args.choice.on_bad_data {
             Some(OnBadData::Skip) => dataset::OnBadData::Skip,
             _ => dataset::OnBadData::Fail,
         },
@@ -408,8 +411,8 @@ pub fn sequences(data: &[PathBuf], args: &SelectionArgs, program: &Program) -> R
         strict: args.truth.strict,
         depth16: args.depth16.unwrap_or_default(),
         start: 0,
-        frame_gap: args.frame_gap.unwrap_or(1),
-        max_frames: args.max_frames,
+        frame_gap: args.choice.frame_gap.unwrap_or(1),
+        max_frames: args.choice.max_frames,
     };
     let mut all = 0;
     let mut chosen = Chosen {
@@ -426,7 +429,7 @@ pub fn sequences(data: &[PathBuf], args: &SelectionArgs, program: &Program) -> R
     }
     let known = known.into_inner().unwrap_or_else(|e| e.into_inner());
     let unknown = |tag: &&String| !known.keys().any(|k| k.eq_ignore_ascii_case(tag));
-    if let Some(tag) = args.tag.iter().find(unknown) {
+    if let Some(tag) = args.choice.tag.iter().find(unknown) {
         return Err(Failure::new(exit::NOTHING, no_tag(tag, &known)));
     }
     if chosen.sequences.is_empty() {

@@ -1,6 +1,6 @@
 //! `mtf-eval score`: results that other programs have recorded, with the figures and files that a run has.
 
-use super::args::{OnBadData, SelectionArgs, TableArgs};
+use super::args::{ChoiceArgs, SelectionArgs, TableArgs};
 use super::console::Console;
 use super::exit::{Failure, Outcome};
 use super::experiment::{fit_truth, sequences};
@@ -8,7 +8,6 @@ use super::program::Program;
 use super::progress::Progress;
 use super::run::{default_out, show};
 use super::signals::stop_on_signals;
-use super::values::{at_least_one, at_least_two};
 use crate::dataset::recorded::{self, Direction, RecordedOptions, Results, Track};
 use crate::dataset::{self, BoxForm, Origin, Reading, Sequence};
 use crate::plan::{DataNote, DataNotes, Protocol, RunRequest, TrackerEntry, sequence_id};
@@ -42,24 +41,9 @@ pub struct ScoreArgs {
     /// first. Pixel centres are at integers
     #[arg(long, value_name = "WAY")]
     pub homographies: Option<Way>,
-    /// Only sequences whose name or data set/name matches; repeatable
-    #[arg(long, value_name = "GLOB", value_delimiter = ',', help_heading = "Frames")]
-    pub seq: Vec<String>,
-    /// Only sequences with this tag; repeatable (any of them)
-    #[arg(long, value_name = "TAG", value_delimiter = ',', help_heading = "Frames")]
-    pub tag: Vec<String>,
-    /// Only the first N frames of each sequence (after --frame-gap)
-    #[arg(long, value_name = "N", value_parser = at_least_two, help_heading = "Frames", hide_short_help = true)]
-    pub max_frames: Option<usize>,
-    /// Only every K-th frame [default: 1]
-    #[arg(long, value_name = "K", value_parser = at_least_one, help_heading = "Frames", hide_short_help = true)]
-    pub frame_gap: Option<usize>,
-    /// Fit the ground truth with this warp (translation, isometry, ...) first
-    #[arg(long, value_name = "SSM", help_heading = "Frames", hide_short_help = true)]
-    pub gt_ssm: Option<String>,
-    /// What to do with a sequence whose data is faulty [default: fail]
-    #[arg(long, value_name = "WHAT", help_heading = "Frames", hide_short_help = true)]
-    pub on_bad_data: Option<OnBadData>,
+    /// Which sequences and frames.
+    #[command(flatten)]
+    pub choice: ChoiceArgs,
     /// The run directory to write [default: results/<UTC date-time>-<hash>]
     #[arg(short, long, value_name = "DIR", help_heading = "Execution")]
     pub out: Option<PathBuf>,
@@ -99,7 +83,7 @@ pub fn run(args: &ScoreArgs, program: &Program) -> Outcome {
     args.table.options(&catalogue.metrics, console)?;
     let mut notes = DataNotes::default();
     let mut data = data(args, program, &mut notes)?;
-    if let Some(name) = &args.gt_ssm {
+    if let Some(name) = &args.choice.gt_ssm {
         fit_truth(&mut data, &catalogue.registry, name)?;
     }
     let options = RecordedOptions {
@@ -117,9 +101,9 @@ pub fn run(args: &ScoreArgs, program: &Program) -> Outcome {
     let results = recorded::load(&args.results, &data, &options).map_err(Failure::usage)?;
     tell(&results, &data, &mut notes, console);
     let mut about = Map::new();
-    about.insert("frame_gap".into(), args.frame_gap.unwrap_or(1).into());
-    about.insert("max_frames".into(), args.max_frames.into());
-    about.insert("gt_ssm".into(), args.gt_ssm.clone().into());
+    about.insert("frame_gap".into(), args.choice.frame_gap.unwrap_or(1).into());
+    about.insert("max_frames".into(), args.choice.max_frames.into());
+    about.insert("gt_ssm".into(), args.choice.gt_ssm.clone().into());
     about.insert("recorded".into(), true.into());
     let entries = results.trackers.into_iter();
     let trackers: Vec<TrackerEntry> = entries
@@ -147,18 +131,14 @@ pub fn run(args: &ScoreArgs, program: &Program) -> Outcome {
 fn data(args: &ScoreArgs, program: &Program, notes: &mut DataNotes) -> Result<Vec<Sequence>, Failure> {
     if args.data.is_file() {
         let sequence = dataset::truth_alone(&args.data, Reading::default()).map_err(Failure::usage)?;
-        let sequence = sequence.with_gap(args.frame_gap.unwrap_or(1));
-        return Ok(vec![sequence.truncated(args.max_frames.unwrap_or(usize::MAX))]);
+        let sequence = sequence.with_gap(args.choice.frame_gap.unwrap_or(1));
+        return Ok(vec![
+            sequence.truncated(args.choice.max_frames.unwrap_or(usize::MAX)),
+        ]);
     }
     let selection = SelectionArgs {
-        seq: args.seq.clone(),
-        tag: args.tag.clone(),
-        max_frames: args.max_frames,
-        frame_gap: args.frame_gap,
-        gt_ssm: args.gt_ssm.clone(),
-        depth16: None,
-        on_bad_data: args.on_bad_data,
-        truth: Default::default(),
+        choice: args.choice.clone(),
+        ..SelectionArgs::default()
     };
     let chosen = sequences(std::slice::from_ref(&args.data), &selection, program)?;
     chosen

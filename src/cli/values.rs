@@ -1,7 +1,16 @@
 //! Values of arguments that are more than a word: numbers within bounds, sizes, times, assignments.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use mtf::params::{ParamValue, Resolution};
 use std::time::Duration;
+
+/// The names that a table has, with what they are for help, each as its row.
+pub fn one_of<T: Clone + Send + Sync + 'static>(
+    names: impl Iterator<Item = PossibleValue>,
+    row: fn(&str) -> Option<T>,
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(names.collect::<Vec<_>>()).try_map(move |name| row(&name).ok_or("no such name"))
+}
 
 /// `NAME=VALUE`.
 pub fn assignment(text: &str) -> Result<(String, String), String> {

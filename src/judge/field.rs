@@ -3,11 +3,12 @@
 //! A benchmark is a row of the table: which figures, of which metric, averaged how. What is not a row is one of the metrics
 //! themselves, each in its file. Depends on `metric`, `plan` and `store`.
 
+use crate::dataset::recorded::{LoggedFrame, logged_frames};
 use crate::files::{self, Kind};
 use crate::metric::{Definition, Metric, al, best_rotation, cl, hd, jaccard, normalised_cl, relative_al};
 use crate::plan::{Plan, Unit, UnitKeys};
 use crate::store::StoreError;
-use crate::store::framelog::{self, LoggedFrame};
+use crate::store::framelog;
 use crate::store::journal::{EntryStatus, Journal};
 use crate::store::rundir::RunDir;
 use crate::store::truth::{self, KeptTruth};
@@ -213,8 +214,7 @@ const fn quantity(name: &'static str, metric: Metric, of: Of) -> Quantity {
     Quantity { name, metric, of }
 }
 
-/// Published at 5 px and at a homography discrepancy of 30.
-const fn planartrack(tracker: &'static str, figures: &'static [f64]) -> Published {
+const fn published(tracker: &'static str, figures: &'static [f64]) -> Published {
     Published { tracker, figures }
 }
 
@@ -235,16 +235,16 @@ pub static BENCHMARKS: [Benchmark; 6] = [
         joined: Joined::PerSequence,
         source: "Liu et al., PlanarTrack, ICCV 2023",
         published: &[
-            planartrack("WOFT", &[0.433, NONE, 0.306, NONE, NONE, NONE]),
-            planartrack("HDN", &[0.263, NONE, 0.236, NONE, NONE, NONE]),
-            planartrack("GIFT", &[0.254, NONE, 0.223, NONE, NONE, NONE]),
-            planartrack("LISRD", &[0.220, NONE, 0.174, NONE, NONE, NONE]),
-            planartrack("SIFT", &[0.177, NONE, 0.144, NONE, NONE, NONE]),
-            planartrack("Gracker", &[0.167, NONE, 0.137, NONE, NONE, NONE]),
-            planartrack("SOL", &[0.142, NONE, 0.107, NONE, NONE, NONE]),
-            planartrack("SCV", &[0.113, NONE, 0.082, NONE, NONE, NONE]),
-            planartrack("ESM", &[0.097, NONE, 0.073, NONE, NONE, NONE]),
-            planartrack("IC", &[0.048, NONE, 0.038, NONE, NONE, NONE]),
+            published("WOFT", &[0.433, NONE, 0.306, NONE, NONE, NONE]),
+            published("HDN", &[0.263, NONE, 0.236, NONE, NONE, NONE]),
+            published("GIFT", &[0.254, NONE, 0.223, NONE, NONE, NONE]),
+            published("LISRD", &[0.220, NONE, 0.174, NONE, NONE, NONE]),
+            published("SIFT", &[0.177, NONE, 0.144, NONE, NONE, NONE]),
+            published("Gracker", &[0.167, NONE, 0.137, NONE, NONE, NONE]),
+            published("SOL", &[0.142, NONE, 0.107, NONE, NONE, NONE]),
+            published("SCV", &[0.113, NONE, 0.082, NONE, NONE, NONE]),
+            published("ESM", &[0.097, NONE, 0.073, NONE, NONE, NONE]),
+            published("IC", &[0.048, NONE, 0.038, NONE, NONE, NONE]),
         ],
     },
     Benchmark {
@@ -335,7 +335,7 @@ pub static BENCHMARKS: [Benchmark; 6] = [
 impl Benchmark {
     /// The one called `name`.
     pub fn named(name: &str) -> Option<&'static Benchmark> {
-        BENCHMARKS.iter().find(|b| b.name.eq_ignore_ascii_case(name))
+        BENCHMARKS.iter().find(|b| b.name == name)
     }
 
     /// What is to be said of the figures, in a line.
@@ -483,6 +483,9 @@ struct Seen {
     confidence: f64,
 }
 
+/// Truth of a failure in a frame without: it counts, whatever the truth.
+const NOWHERE: Corners = Corners([[0.0; 2]; 4]);
+
 impl Seen {
     /// Of a tracker that does not run.
     fn lost(sequence: u32, truth: Option<Corners>) -> Seen {
@@ -494,9 +497,7 @@ impl Seen {
             confidence: f64::NEG_INFINITY,
         }
     }
-}
 
-impl Seen {
     /// The value of a metric; infinite without output or object.
     fn value(&self, metric: &Metric) -> f64 {
         match (self.tracked, self.truth, metric.definition) {
@@ -515,7 +516,7 @@ fn seen(run: &RunDir, plan: &Plan, unit: &Unit, truth: &KeptTruth) -> Result<Vec
         reason,
     };
     let text = files::unpack(bytes).map_err(damaged)?;
-    let frames = framelog::frames(&text).map_err(damaged)?;
+    let frames = logged_frames(&text).map_err(|e| damaged(e.to_string()))?;
     let counts = |logged: &LoggedFrame| {
         let known = truth.at(logged.frame).is_some() || truth.is_absent(logged.frame);
         (known || logged.status == framelog::FAILED)
@@ -525,7 +526,7 @@ fn seen(run: &RunDir, plan: &Plan, unit: &Unit, truth: &KeptTruth) -> Result<Vec
         let here = truth.at(logged.frame);
         match logged.corners.filter(|_| logged.status != framelog::FAILED) {
             // A failure counts with or without ground truth.
-            None if logged.status == framelog::FAILED => Seen::lost(unit.sequence, here.or(logged.corners)),
+            None if logged.status == framelog::FAILED => Seen::lost(unit.sequence, here.or(Some(NOWHERE))),
             tracked => Seen {
                 sequence: unit.sequence,
                 tracked,

@@ -63,7 +63,11 @@ fn digest(track: &Track) -> Value {
     for answer in &track.answers {
         match answer {
             Answer::Corners(corners) => corners.to_array().into_iter().for_each(&mut number),
-            Answer::Absent => number(f64::NAN),
+            Answer::Absent(corners) => {
+                number(f64::NAN);
+                let corners = corners.map(Corners::to_array);
+                corners.into_iter().flatten().for_each(&mut number);
+            }
             Answer::Missing => number(f64::INFINITY),
         }
     }
@@ -85,14 +89,16 @@ impl Tracker for Replay {
 
     fn update(&mut self, _: &Frame) -> Result<Update, TrackError> {
         self.at += 1;
+        let found = |corners: Corners, stop: Stop| Update {
+            corners,
+            stop,
+            iterations: 0,
+            similarity: self.track.confidence.get(self.at).copied().unwrap_or(f64::NAN),
+        };
         match self.track.answers.get(self.at) {
-            Some(Answer::Corners(corners)) => Ok(Update {
-                corners: *corners,
-                stop: Stop::Done,
-                iterations: 0,
-                similarity: self.track.confidence.get(self.at).copied().unwrap_or(f64::NAN),
-            }),
-            Some(Answer::Absent) => Err(TrackError::Absent),
+            Some(Answer::Corners(corners)) => Ok(found(*corners, Stop::Done)),
+            Some(Answer::Absent(Some(corners))) => Ok(found(*corners, Stop::Absent)),
+            Some(Answer::Absent(None)) => Err(TrackError::Absent),
             _ => Err(TrackError::Missing),
         }
     }
@@ -104,7 +110,7 @@ impl Tracker for Replay {
     /// NaN where nothing is said.
     fn corners(&self) -> Corners {
         match self.track.answers.get(self.at) {
-            Some(Answer::Corners(corners)) => *corners,
+            Some(Answer::Corners(corners) | Answer::Absent(Some(corners))) => *corners,
             _ => Corners([[f64::NAN; 2]; 4]),
         }
     }

@@ -271,7 +271,7 @@ fn rate(updates: usize, seconds: f64) -> Option<f64> {
 }
 
 /// The speed of each tracker that has been timed. `times` are tracker by tracker.
-pub(crate) fn speeds(plan: &Plan, times: &[(Unit, UnitTime)]) -> Speeds {
+fn speeds(plan: &Plan, times: &[(Unit, UnitTime)]) -> Speeds {
     let of_tracker = |times: &[(Unit, UnitTime)]| {
         let sum = total(times.iter().map(|(_, time)| time));
         let id = &plan.trackers[times[0].0.tracker as usize].id;

@@ -274,56 +274,6 @@ fn read_log(
     }
 }
 
-/// A row of a frame log, as far as it says where the object was found.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LoggedFrame {
-    /// Frame of the sequence.
-    pub frame: usize,
-    /// See [`Row::status`].
-    pub status: String,
-    /// See [`Row::corners`].
-    pub corners: Option<Corners>,
-    /// See [`Row::similarity`]; NaN where the tracker has none.
-    pub similarity: f64,
-}
-
-/// The rows of a log written by [`format_log`].
-///
-/// # Errors
-/// What is wrong with the text.
-pub fn frames(text: &[u8]) -> Result<Vec<LoggedFrame>, String> {
-    let mut reader = csv::Reader::from_reader(text);
-    let headers = reader.headers().map_err(|e| e.to_string())?;
-    let similarity = headers.iter().position(|name| name == "similarity");
-    let mut frames = Vec::new();
-    for record in reader.records() {
-        let record = record.map_err(|e| e.to_string())?;
-        let cell = |k: usize| record.get(k).unwrap_or_default();
-        let number = |k: usize| {
-            cell(k)
-                .parse::<f64>()
-                .map_err(|_| format!("bad number {:?}", cell(k)))
-        };
-        let corners = match cell(3).is_empty() {
-            true => None,
-            false => {
-                let numbers: Vec<f64> = (3..11).map(number).collect::<Result<_, _>>()?;
-                let corners: [f64; 8] = numbers.try_into().map_err(|_| "corners are missing")?;
-                Some(Corners::from_array(corners))
-            }
-        };
-        frames.push(LoggedFrame {
-            frame: cell(0)
-                .parse()
-                .map_err(|_| format!("bad frame number {:?}", cell(0)))?,
-            status: cell(2).to_owned(),
-            corners,
-            similarity: similarity.and_then(|k| cell(k).parse().ok()).unwrap_or(f64::NAN),
-        });
-    }
-    Ok(frames)
-}
-
 /// What [`score_log`] says of the log of `rows`, of which the first is frame `start`, with `truth` as for [`format_log`].
 pub fn score_rows(
     metrics: &MetricSet,

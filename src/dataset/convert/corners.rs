@@ -1,7 +1,7 @@
 //! A folder of frames with `groundtruth.txt`: the frames keep their names.
 
-use super::super::{Origin, Sequence};
-use super::{Parts, Target, lost, quads, text};
+use super::super::Sequence;
+use super::{Parts, Target, lost, named_quads};
 use std::path::Path;
 
 #[derive(Debug)]
@@ -23,29 +23,11 @@ impl Target for Corners {
             false => sequence.frame_name(i).to_owned(),
         };
         let names: Vec<String> = (0..sequence.len()).map(name).collect();
-        let rows = quads(
-            sequence,
-            "\t",
-            Origin::CENTRE,
-            &["nan"; 8].join("\t"),
-            "not_annotated",
-        );
-        let named = names
-            .iter()
-            .zip(rows)
-            .map(|(name, row)| match name.contains(char::is_whitespace) {
-                true => format!("\"{name}\"\t{row}"),
-                false => format!("{name}\t{row}"),
-            });
-        let header = "frame\tulx\tuly\turx\tury\tlrx\tlry\tllx\tlly".to_owned();
         Ok(Parts {
+            texts: vec![(folder.join("groundtruth.txt"), named_quads(sequence, &names))],
             frames: names.iter().map(|name| folder.join(name)).collect(),
-            texts: vec![(
-                folder.join("groundtruth.txt"),
-                text([header].into_iter().chain(named)),
-            )],
             folder: folder.to_path_buf(),
-            lost: lost(sequence, false, None, None),
+            lost: lost(sequence, None),
         })
     }
 }

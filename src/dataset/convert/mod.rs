@@ -235,6 +235,22 @@ fn quads(sequence: &Sequence, separator: &str, origin: Origin, absent: &str, unk
     (0..sequence.len()).map(row).collect()
 }
 
+/// A text with the name of each frame and its corners, as MTF has it.
+fn named_quads(sequence: &Sequence, names: &[String]) -> String {
+    let absent = ["nan"; 8].join("\t");
+    let rows = quads(sequence, "\t", Origin::CENTRE, &absent, "not_annotated");
+    let named = names.iter().zip(rows).map(|(name, row)| {
+        let quote = if name.contains(char::is_whitespace) {
+            "\""
+        } else {
+            ""
+        };
+        format!("{quote}{name}{quote}\t{row}")
+    });
+    let header = "frame\tulx\tuly\turx\tury\tlrx\tlry\tllx\tlly".to_owned();
+    text([header].into_iter().chain(named))
+}
+
 fn numbers(corners: &Corners, separator: &str) -> String {
     // The shortest text that reads as the same number.
     corners.to_array().map(|v| v.to_string()).join(separator)
@@ -246,25 +262,23 @@ fn text(rows: impl IntoIterator<Item = String>) -> String {
         .fold(String::new(), |text, row| text + &row + "\n")
 }
 
-/// What is lost of words about single frames and of frames without region, for a form that has no place for these.
-fn lost(sequence: &Sequence, flags: bool, absent: Option<&str>, unknown: Option<&str>) -> Vec<String> {
+/// What is lost of words about single frames, for which no form has a place, and of frames without annotation, where they
+/// become `unknown_become`.
+fn lost(sequence: &Sequence, unknown_become: Option<&str>) -> Vec<String> {
     let count = |holds: &dyn Fn(&Annotation) -> bool| {
         (0..sequence.len())
             .filter(|&i| holds(sequence.annotation(i)))
             .count()
     };
-    let flagged = if flags { 0 } else { count(&|a| !a.flags.is_empty()) };
     let told = |n: usize, what: String| (n > 0).then(|| format!("{n} frames {what}"));
-    let becomes = |region: Region, what: &str, becomes: Option<&str>| {
-        let n = becomes.map_or(0, |_| count(&|a| a.region == region));
-        told(n, format!("{what} become {}", becomes.unwrap_or_default()))
+    let flagged = count(&|a| !a.flags.is_empty());
+    let unknown = |what: &str| {
+        let n = count(&|a| a.region == Region::Unknown);
+        told(n, format!("without annotation become {what}"))
     };
-    [
-        told(flagged, "lose their words (occluded, blurred, ...)".to_owned()),
-        becomes(Region::Absent, "without the object", absent),
-        becomes(Region::Unknown, "without annotation", unknown),
-    ]
-    .into_iter()
-    .flatten()
-    .collect()
+    let words = told(flagged, "lose their words (occluded, blurred, ...)".to_owned());
+    words
+        .into_iter()
+        .chain(unknown_become.and_then(unknown))
+        .collect()
 }

@@ -50,7 +50,7 @@ impl Target for Otb {
             Region::Absent | Region::Unknown => "NaN,NaN,NaN,NaN".to_owned(),
         };
         let rows = text((0..sequence.len()).map(row).collect::<Vec<_>>());
-        let mut lost = lost(sequence, false, None, Some("frames without the object"));
+        let mut lost = lost(sequence, Some("frames without the object"));
         if tilted > 0 {
             lost.insert(
                 0,

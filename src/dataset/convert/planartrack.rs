@@ -33,7 +33,7 @@ impl Target for PlanarTrack {
                 (Path::new("annos").join(format!("{name}_flag.txt")), text(flags)),
             ],
             folder,
-            lost: lost(sequence, false, None, None),
+            lost: lost(sequence, None),
         })
     }
 }

@@ -51,7 +51,7 @@ impl Target for Pot {
                 (annotation("flag"), text(frames_of.map(|i| absent(i).to_string()))),
             ],
             folder: name.into(),
-            lost: lost(sequence, false, None, None),
+            lost: lost(sequence, None),
         })
     }
 }

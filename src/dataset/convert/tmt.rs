@@ -1,7 +1,7 @@
 //! The form of MTF: `<sequence>/frame00001.jpg` and `<sequence>.txt`.
 
-use super::super::{Origin, Sequence};
-use super::{Parts, Target, frames, lost, quads, text};
+use super::super::Sequence;
+use super::{Parts, Target, extension, lost, named_quads};
 use std::path::Path;
 
 #[derive(Debug)]
@@ -18,27 +18,14 @@ impl Target for Tmt {
 
     fn parts(&self, sequence: &Sequence) -> Result<Parts, String> {
         let folder = Path::new(sequence.name());
-        let name = |i: usize, extension: &str| format!("frame{:05}.{extension}", i + 1);
-        let rows = quads(
-            sequence,
-            "\t",
-            Origin::CENTRE,
-            &["nan"; 8].join("\t"),
-            "not_annotated",
-        );
-        let named = rows.iter().enumerate().map(|(i, row)| {
-            let extension = super::extension(sequence, i);
-            format!("{}\t{row}", name(i, &extension))
-        });
-        let header = "frame\tulx\tuly\turx\tury\tlrx\tlry\tllx\tlly".to_owned();
+        let name = |i: usize| format!("frame{:05}.{}", i + 1, extension(sequence, i));
+        let names: Vec<String> = (0..sequence.len()).map(name).collect();
+        let truth = format!("{}.txt", sequence.name());
         Ok(Parts {
-            frames: frames(sequence, folder, name),
-            texts: vec![(
-                format!("{}.txt", sequence.name()).into(),
-                text([header].into_iter().chain(named)),
-            )],
+            texts: vec![(truth.into(), named_quads(sequence, &names))],
+            frames: names.iter().map(|name| folder.join(name)).collect(),
             folder: folder.to_path_buf(),
-            lost: lost(sequence, false, None, None),
+            lost: lost(sequence, None),
         })
     }
 }

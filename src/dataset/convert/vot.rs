@@ -40,7 +40,7 @@ impl Target for Vot {
                 (folder.join("sequence"), about),
             ],
             folder: folder.to_path_buf(),
-            lost: lost(sequence, false, None, None),
+            lost: lost(sequence, None),
         })
     }
 }

@@ -4,6 +4,7 @@
 //! reading of ground truth and on sequences.
 
 mod layout;
+mod log;
 mod read;
 mod trajectory;
 
@@ -16,6 +17,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub use layout::layouts;
+pub use log::{LogFault, LoggedFrame, logged_frames};
 
 /// Deepest level of folders below the given one that may hold results: `results/tracker/experiment/sequence` and two more.
 const DEPTH: usize = 6;
@@ -25,8 +27,8 @@ const DEPTH: usize = 6;
 pub enum Answer {
     /// The object is here, px, pixel centres at integers.
     Corners(Corners),
-    /// It cannot be seen.
-    Absent,
+    /// It cannot be seen; where it is supposed to be, if that is said.
+    Absent(Option<Corners>),
     /// Nothing: there is no row, or one that says so.
     Missing,
 }

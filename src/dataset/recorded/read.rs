@@ -3,6 +3,7 @@
 use super::super::annotation::{Annotations, Location, Region};
 use super::super::storage::File;
 use super::super::{DatasetError, DatasetErrorKind, Origin, Sequence, TruthFile, rows, text};
+use super::log::{is_log, logged_frames};
 use super::trajectory::{self, Code};
 use super::{Answer, Direction, RecordedOptions, Track};
 use crate::files;
@@ -12,8 +13,6 @@ use std::collections::HashMap;
 /// A first row this near to the truth of the first frame, px, is the region that the tracker was started on: it is copied
 /// from there, with few decimals perhaps. The least motion between two frames of a sequence is hardly ever so small.
 const SAME: f64 = 0.02;
-/// First columns of a frame log of this program.
-const LOG: &str = "frame,file,status,x1,";
 
 /// What `file` says of `sequence`.
 pub(super) fn track(
@@ -29,7 +28,7 @@ pub(super) fn track(
         Some(text) => text.map_err(fault)?,
         None => content.text()?.into_owned(),
     };
-    if text.trim_start_matches('"').starts_with(LOG) {
+    if is_log(&text) {
         return frame_log(file, &text, sequence);
     }
     let (text, codes) = trajectory::without_codes(&text);
@@ -79,7 +78,7 @@ pub(super) fn track(
 fn answer(region: &Region) -> Answer {
     match region {
         Region::Corners(corners) => Answer::Corners(*corners),
-        Region::Absent => Answer::Absent,
+        Region::Absent => Answer::Absent(None),
         Region::Unknown => Answer::Missing,
     }
 }
@@ -348,43 +347,27 @@ fn frame_log(file: &File, text: &str, sequence: &Sequence) -> Result<Track, Data
         Location::line(file.path(), line).fault(DatasetErrorKind::FrameLog { reason })
     };
     let indices: HashMap<&str, usize> = (0..sequence.len()).map(|i| (sequence.frame_name(i), i)).collect();
-    let mut reader = csv::Reader::from_reader(text.as_bytes());
-    let headers = reader.headers().map_err(|e| fault(1, e.to_string()))?;
-    let similarity = headers.iter().position(|name| name == "similarity");
     let mut track = Track {
         path: Some(file.path().to_path_buf()),
         confidence: vec![f64::NAN; sequence.len()],
         ..Track::nothing(sequence.len())
     };
+    let frames = logged_frames(text.as_bytes()).map_err(|e| fault(e.line, e.reason))?;
     let mut strangers = 0;
-    for (record, line) in reader.records().zip(2..) {
-        let record = record.map_err(|e| fault(line, e.to_string()))?;
-        let Some(&i) = record.get(1).and_then(|name| indices.get(name)) else {
+    for (logged, line) in frames.iter().zip(2..) {
+        let Some(&i) = indices.get(logged.file.as_str()) else {
             strangers += 1;
             continue;
         };
-        let cell = |k: usize| record.get(k).unwrap_or_default();
-        track.answers[i] = match cell(2) {
-            "failed" | "skipped" | "broken" => {
+        track.answers[i] = match (logged.status.as_str(), logged.corners) {
+            ("failed" | "skipped" | "broken", _) => {
                 return Err(fault(line, "restarted after failures, not one pass".into()));
             }
-            "absent" => Answer::Absent,
-            _ if cell(3).is_empty() => Answer::Missing,
-            _ => {
-                let numbers = (3..11)
-                    .map(|k| cell(k).parse().ok())
-                    .collect::<Option<Vec<f64>>>();
-                let corners = numbers
-                    .map(|v| Origin::CENTRE.corners(&v))
-                    .filter(Corners::is_finite);
-                Answer::Corners(
-                    corners.ok_or_else(|| fault(line, "eight corner coordinates are missing".into()))?,
-                )
-            }
+            ("absent", corners) => Answer::Absent(corners),
+            (_, None) => Answer::Missing,
+            (_, Some(corners)) => Answer::Corners(corners),
         };
-        if let Some(value) = similarity.and_then(|k| cell(k).parse().ok()) {
-            track.confidence[i] = value;
-        }
+        track.confidence[i] = logged.similarity;
     }
     if strangers > 0 {
         track.notes.push(format!("{strangers} rows are for other frames"));
